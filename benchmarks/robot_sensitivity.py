@@ -31,10 +31,10 @@ from sysid.gap.workflow import analyse
 from sysid.logs import Dataset, read_dataset
 from sysid.studies.score import word_of
 from sysid.studies.zoo.cases.robot.change import with_body, with_sensors
-from sysid.studies.zoo.cases.robot.draw import FIT
-from sysid.studies.zoo.cases.robot.plans import FIT_PLAN, RUN_S, sequences
+from sysid.studies.zoo.cases.robot.draw import fit_commands
+from sysid.studies.zoo.cases.robot.plans import RUN_S, sequences
 from sysid.studies.zoo.cases.robot.size import yardstick
-from sysid.studies.zoo.cases.write import FIT_SEQUENCES, write_robot_logs, write_robot_nominal
+from sysid.studies.zoo.cases.write import write_robot_logs, write_robot_nominal
 from sysid.studies.zoo.nominal import nominal_model
 from sysid.studies.zoo.robots.draw import draw_robot
 from sysid.studies.zoo.robots.robot import Robot
@@ -146,7 +146,7 @@ def page(seed: int, which: Literal["same", "other"], folder: Path) -> Iterator[s
 def _plan(seed: int, robot: Robot, which: Literal["same", "other"]) -> Driven:
     """Return what is driven after a change of a robot."""
     if which == "same":
-        own = sequences(robot, FIT_PLAN, FIT_SEQUENCES, np.random.default_rng([seed, FIT]))
+        own = fit_commands(seed, robot)
         return Driven(f"the commands of the fit, {len(own)} sequences, {REPEATS} runs each", own, REPEATS)
     other = sequences(robot, PLAN, RUNS, np.random.default_rng([seed, STREAM]))
     return Driven(f"other commands, {RUNS} runs with starts and reversals", other, 1)

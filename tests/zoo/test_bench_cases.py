@@ -13,11 +13,18 @@ import pytest
 
 from sysid.studies.zoo.cases.bench.change import Change, integrates
 from sysid.studies.zoo.cases.bench.changes import CHANGES, TWINS, change_of
-from sysid.studies.zoo.cases.bench.draw import BLOCK, SHARES, draw_bench_case, kind_of
+from sysid.studies.zoo.cases.bench.draw import (
+    BLOCK,
+    SHARES,
+    case_commands,
+    draw_bench_case,
+    fit_commands,
+    kind_of,
+)
 from sysid.studies.zoo.cases.bench.outsiders import FAR_OUTSIDERS, NEAR_OUTSIDERS, Outsider
 from sysid.studies.zoo.cases.bench.plans import GENTLE, PLANS, Commands, plan
 from sysid.studies.zoo.cases.bench.size import Yardstick, signal, solve_size
-from sysid.studies.zoo.cases.layouts import LAYOUTS
+from sysid.studies.zoo.cases.layouts import LAYOUTS, STANDARD, Layout, layout_again
 from sysid.studies.zoo.cases.write import write_bench_case
 from sysid.studies.zoo.drives.draw import draw_drive
 from sysid.studies.zoo.drives.drive import Drive, Family
@@ -205,6 +212,25 @@ def test_logs_are_read_as_the_contract_says(written: tuple[Path, Path]) -> None:
     layout = next(v for v in LAYOUTS if v.name == draw_bench_case(1033)[0].layout)
     assert len(logs.runs) == layout.sequences * layout.repeats
     assert len(logs.groups()) == layout.sequences
+
+
+@pytest.mark.parametrize("layout", LAYOUTS, ids=lambda layout: layout.name)
+def test_a_layout_that_drives_the_fit_again_has_sequences_of_the_fit(layout: Layout) -> None:
+    again = layout_again(layout, STANDARD)
+    assert (again.seconds, again.repeats) == (STANDARD.seconds, layout.repeats)
+    assert again.sequences <= STANDARD.sequences
+    assert again.sequences == STANDARD.sequences or layout.repeats > 1
+
+
+@pytest.mark.parametrize("kind", ["single", "untestable"])
+def test_the_same_commands_are_those_of_the_fit(kind: str) -> None:
+    seed = next(s for s in range(BLOCK) if kind_of(s)[0] == kind)
+    case, nominal, changed = draw_bench_case(seed, "same")
+    commands, fitted = case_commands(case, nominal), fit_commands(seed, nominal)
+    np.testing.assert_array_equal(commands, fitted[: len(commands)])
+    assert case.kind == ("quiet" if kind == "untestable" else kind)
+    assert (nominal == changed) == (case.kind == "quiet")
+    assert case.name.startswith(f"bench-{seed:04d}-same-")
 
 
 def test_a_layout_senses_both_drives_alike() -> None:

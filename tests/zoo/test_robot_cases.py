@@ -20,7 +20,7 @@ from sysid.studies.zoo.cases.robot.changes import (
     UNSEEN_WHEN_GENTLE,
     twins,
 )
-from sysid.studies.zoo.cases.robot.draw import draw_robot_case, study_commands
+from sysid.studies.zoo.cases.robot.draw import draw_robot_case, fit_commands, study_commands
 from sysid.studies.zoo.cases.robot.outsiders import ROBOT_OUTSIDERS, RobotOutsider
 from sysid.studies.zoo.cases.robot.plans import GENTLE_PLAN, PLANS, sequences, usable_rpm
 from sysid.studies.zoo.cases.robot.schedule import BLOCK, in_turn, kind_of
@@ -201,3 +201,11 @@ def test_a_written_case_is_a_folder_of_logs_with_repeats_and_splits(written):
     groups = Counter(run.group for run in logs.runs)
     assert len(groups) == 2
     assert set(groups.values()) == {2}
+
+
+def test_the_same_commands_are_those_of_the_fit():
+    case, robot, changed = draw_robot_case(SINGLE_SEED, "same")
+    commands, fitted = study_commands(case, robot), fit_commands(SINGLE_SEED, robot)
+    np.testing.assert_array_equal(commands, fitted[: len(commands)])
+    assert case.name.startswith(f"robot-{SINGLE_SEED:04d}-same-single-")
+    assert yardstick(robot, commands, case.seed).signal(changed) == case.signal

@@ -58,6 +58,12 @@ def test_sealed_seeds_are_written_down_before_a_run_and_never_given_twice(root):
     assert [block.first for block in read_ledger(root / LEDGER)] == [1000, 1150]
 
 
+def test_a_run_of_other_commands_does_not_go_on_with_seeds_of_one_of_the_same_commands(root):
+    first = claim(root, WANTED)
+    assert claim(root, WANTED) == first
+    assert claim(root, replace(WANTED, driven="same")).first == 1150
+
+
 def test_an_unfinished_run_of_the_same_code_goes_on(root):
     first = claim(root, WANTED)
     assert claim(root, replace(WANTED, date="2027-02-01")) == first

@@ -190,8 +190,8 @@ def test_a_link_of_another_period_sends_the_last_command_given():
 
 
 def test_a_recording_holds_the_commands_that_the_drive_was_sent():
-    _, _, drive = draw_bench_case(1)
-    columns = bench_recorder(1)(experiment(), np.random.default_rng(0))
+    case, _, drive = draw_bench_case(1)
+    columns = bench_recorder(case)(experiment(), np.random.default_rng(0))
     row = np.searchsorted(columns["time_s"], 1.0 + drive.link.period_s)
     assert columns["time_s"][-1] == pytest.approx(4.0, abs=0.1)
     assert columns["command_rpm"][row] == pytest.approx(50.0 * np.sin(1.0), abs=5.0)

@@ -17,7 +17,7 @@ from mecanum_env.files import write_json
 from mecanum_env.parallel import Workers
 from sysid.studies.zoo import calibrate, seeds, work
 from sysid.studies.zoo import run as zoo_run
-from sysid.studies.zoo.cases.case import Case, Hidden
+from sysid.studies.zoo.cases.case import Case, Driven, Hidden
 from sysid.studies.zoo.outcome import Outcome, to_json
 from sysid.studies.zoo.sources import fingerprint, sources
 from sysid.studies.zoo.work import Task, read_outcome, run_task, run_tasks, save, saved
@@ -33,13 +33,13 @@ class Bench:
         self.studied: list[int] = []
         self.errors: dict[str, Exception] = {}
 
-    def write(self, seed: int, folder: Path) -> Case:
+    def write(self, seed: int, folder: Path, driven: Driven) -> Case:
         self.drawn.append(seed)
         (folder / "logs").mkdir()
         (folder / "logs" / "seed").write_text(str(seed))
         self._fail(f"draw {seed}")
         hidden = (Hidden(NAMES[seed % 2], "", {"gap_deg": 2.0}),)
-        return Case(seed, "bench", "single", "pi", "steps", "few", hidden, signal=2.0)
+        return Case(seed, "bench", "single", "pi", "steps", "few", hidden, signal=2.0, driven=driven)
 
     def fit(self, folder: Path) -> Any:
         self._fail(f"fit {(folder / 'logs' / 'seed').read_text()}")
@@ -142,6 +142,13 @@ def test_cases_that_are_not_asked_for_are_drawn_once_and_not_studied(bench, tmp_
     assert sorted(bench.studied) == [0, 2]
     assert len(run_tasks(TASKS, tmp_path, HERE).outcomes) == 4
     assert len(run_tasks(TASKS, tmp_path, HERE, "*stiction").outcomes) == 2
+
+
+def test_cases_of_the_same_commands_are_kept_apart(bench, tmp_path):
+    for driven in ("other", "same"):
+        (outcome,) = run_tasks([Task("bench", 0, driven)], tmp_path, HERE).outcomes
+        assert outcome.case.driven == driven
+    assert bench.drawn == [0, 0]
 
 
 def test_an_outcome_is_read_as_it_was_saved(bench, tmp_path):

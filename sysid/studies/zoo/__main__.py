@@ -7,7 +7,7 @@ import importlib.util
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import tyro
 
@@ -29,6 +29,7 @@ def main(
     robot: int | None = None,
     first_seed: int | None = None,
     sealed: bool = False,
+    driven: Literal["other", "same"] = "other",
     workers: tyro.conf.OmitArgPrefixes[Workers] = Workers(),
     only: str = "*",
     settle: bool = False,
@@ -48,6 +49,7 @@ def main(
         robot: Number of robot cases; default 60, or 6 with --quick.
         first_seed: Seed of the first case of each level; default 0.
         sealed: Spend sealed seeds, the next ones or from --first-seed on; the checkout records it.
+        driven: After a change: other commands than for the fit, or the same ones.
         workers: Where the cases run; the result does not depend on it.
         only: Pattern of the cases' names, such as "bench-*-single-backlash".
         settle: Also drive the next experiments of ambiguous cases, on the same drives and robots.
@@ -78,13 +80,14 @@ def main(
     }
     if not any(counts.values()):
         raise InputError("bench and robot are both 0: give one of them cases")
-    block = claim_seeds(counts, first_seed) if sealed else None
-    options = {"bench": bench, "robot": robot, "first-seed": first_seed if block is None else block.first}
+    block = claim_seeds(counts, first_seed, driven) if sealed else None
+    options: dict[str, int | str | None] = {"driven": None if driven == "other" else driven}
+    options |= {"bench": bench, "robot": robot, "first-seed": first_seed if block is None else block.first}
     command = _command({"quick": quick, "sealed": sealed, "settle": settle}, options, only)
     seeds = _seeds(counts, block, quick, first_seed or 0)
     # The folder is locked meanwhile: two runs would draw the same cases twice.
     with output_folder(out, "sysid.studies.zoo", (JSON, TEXT)) as staged:
-        found = run_zoo(seeds, out, workers, only=only, settle=settle)
+        found = run_zoo(seeds, out, workers, driven=driven, only=only, settle=settle)
         about = provenance_of(found.outcomes, command, datetime.date.today().isoformat(), block)
         found.write(staged, about)
         if markdown is not None and picture is not None:
@@ -109,7 +112,7 @@ def _seeds(
     }
 
 
-def _command(flags: Mapping[str, bool], options: Mapping[str, int | None], only: str) -> str:
+def _command(flags: Mapping[str, bool], options: Mapping[str, int | str | None], only: str) -> str:
     """Return the command line of a run, for its page."""
     words = [f"--{name}" for name, given in flags.items() if given]
     words += [f"--{name} {value}" for name, value in options.items() if value is not None]

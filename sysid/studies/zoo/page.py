@@ -115,7 +115,8 @@ def page_markdown(
         "# Results of the zoo",
         provenance.text(),
         "Drives and robots are drawn at random, each with its own nominal logs. A model is fitted to "
-        "them as a user would; then something is changed, or nothing. The study sees the logs and the model.",
+        "them as a user would; then something is changed, or nothing, and "
+        f"{driven_text(outcomes)}. The study sees both sets of logs and the model.",
         "## In short",
         markdown_table(GOAL_HEAD, [goal.row() for goal in goals(outcomes)]),
         "In brackets 95 % Wilson intervals. A target is reached if the whole interval is on its right side, "
@@ -174,6 +175,13 @@ def run_json(outcomes: Sequence[Outcome], undrawn: Sequence[str], provenance: Pr
         "undrawn": list(undrawn),
         "cases": [{"name": o.case.name, "word": o.word, **to_json(o)} for o in outcomes],
     }
+
+
+def driven_text(outcomes: Sequence[Outcome]) -> str:
+    """Return in words what the logs with something hidden drive."""
+    if all(outcome.case.driven == "same" for outcome in outcomes):
+        return "the commands of the fit are driven again"
+    return "commands that the fit has not seen are driven"
 
 
 def time_text(outcomes: Sequence[Outcome]) -> str:

@@ -27,12 +27,12 @@ Recorder: TypeAlias = Callable[[Experiment, np.random.Generator], dict[str, Floa
 
 def recorder(case: Case) -> Recorder:
     """Return what drives experiments on the changed drive or robot of a case, logged as it was."""
-    return bench_recorder(case.seed) if case.level == "bench" else robot_recorder(case.seed)
+    return bench_recorder(case) if case.level == "bench" else robot_recorder(case)
 
 
-def bench_recorder(seed: int) -> Recorder:
-    """Return what drives experiments on the changed drive of the bench case of a seed."""
-    _, _, drive = draw_bench_case(seed)
+def bench_recorder(case: Case) -> Recorder:
+    """Return what drives experiments on the changed drive of a bench case."""
+    _, _, drive = draw_bench_case(case.seed, case.driven)
 
     def record(asked: Experiment, rng: np.random.Generator) -> dict[str, FloatArray]:
         sent = commands_on_link(asked, BENCH_COMMAND, drive.link.period_s)
@@ -43,9 +43,9 @@ def bench_recorder(seed: int) -> Recorder:
     return record
 
 
-def robot_recorder(seed: int) -> Recorder:
-    """Return what drives experiments on the changed robot of the robot case of a seed."""
-    _, _, robot = draw_robot_case(seed)
+def robot_recorder(case: Case) -> Recorder:
+    """Return what drives experiments on the changed robot of a robot case."""
+    _, _, robot = draw_robot_case(case.seed, case.driven)
 
     def record(asked: Experiment, rng: np.random.Generator) -> dict[str, FloatArray]:
         sent = commands_on_link(asked, BODY_COMMAND, robot.drive.link.period_s)

@@ -11,6 +11,7 @@ from mecanum_env.errors import InputError
 from mecanum_env.files import write_json, write_text
 from mecanum_env.parallel import Workers
 from sysid.logs.runs import Level
+from sysid.studies.zoo.cases.case import Driven
 from sysid.studies.zoo.drives.families import FAMILIES
 from sysid.studies.zoo.outcome import Outcome
 from sysid.studies.zoo.page import Provenance, page_markdown, run_json, summary_text
@@ -56,6 +57,7 @@ def run_zoo(
     out: Path,
     workers: Workers = Workers(),
     *,
+    driven: Driven = "other",
     only: str = "*",
     settle: bool = False,
 ) -> ZooRun:
@@ -65,13 +67,14 @@ def run_zoo(
         seeds: of each level, bench and robot.
         out: folder in which finished cases are kept; those of the same code are not run again.
         workers: where the cases run; the result does not depend on it.
+        driven: what the logs in which something is hidden drive.
         only: pattern of the cases' names.
         settle: whether the next experiments of ambiguous cases are driven, too.
 
     Raises:
         InputError: no case of these seeds has such a name, or none could be drawn.
     """
-    tasks = [Task(level, seed) for level, numbers in seeds.items() for seed in numbers]
+    tasks = [Task(level, seed, driven) for level, numbers in seeds.items() for seed in numbers]
     results = run_tasks(tasks, out, workers, only)
     outcomes, undrawn = results.outcomes, results.undrawn
     if not outcomes:

@@ -15,6 +15,7 @@ from mecanum_env.checkout import changed_files
 from mecanum_env.errors import InputError
 from mecanum_env.files import write_json
 from sysid.logs.runs import Level
+from sysid.studies.zoo.cases.case import Driven
 from sysid.studies.zoo.sources import fingerprint
 
 DEVELOPMENT: Final = range(1000)
@@ -39,6 +40,7 @@ class Block:
     """Of the source files that ran (`sysid.studies.zoo.sources`)."""
     date: str
     """Day of the run, as 2027-01-31."""
+    driven: Driven = "other"
     finished: bool = False
 
     @property
@@ -73,12 +75,13 @@ def spread_seeds(count: int) -> tuple[int, ...]:
     return tuple(DEVELOPMENT[i * len(DEVELOPMENT) // count] for i in range(count))
 
 
-def claim_seeds(counts: Mapping[Level, int], first_seed: int | None) -> Block:
+def claim_seeds(counts: Mapping[Level, int], first_seed: int | None, driven: Driven = "other") -> Block:
     """Spend sealed seeds, and write that down before anything runs.
 
     Args:
         counts: number of cases of the levels bench and robot.
         first_seed: the first of them; None: the next unspent one.
+        driven: what the logs of the run drive.
 
     Raises:
         InputError: an installation, files that differ from the commit, or seeds that are not sealed or spent.
@@ -90,6 +93,7 @@ def claim_seeds(counts: Mapping[Level, int], first_seed: int | None) -> Block:
         commit=checkout.commit() or "unknown",
         fingerprint=fingerprint(),
         date=datetime.date.today().isoformat(),
+        driven=driven,
     )
     block = claim(_checkout(), wanted, first_seed)
     print(f"sealed seeds {block.seeds[0]} to {block.seeds[-1]} are spent on commit {block.commit[:12]}")
@@ -195,8 +199,8 @@ def _checkout() -> Path:
 
 
 def _same_run(block: Block, wanted: Block) -> bool:
-    known = (block.bench, block.robot, block.fingerprint)
-    return known == (wanted.bench, wanted.robot, wanted.fingerprint)
+    known = (block.bench, block.robot, block.driven, block.fingerprint)
+    return known == (wanted.bench, wanted.robot, wanted.driven, wanted.fingerprint)
 
 
 def _write(path: Path, blocks: Sequence[Block]) -> None:

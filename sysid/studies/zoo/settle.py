@@ -48,7 +48,9 @@ def settle_cases(outcomes: Sequence[Outcome], out: Path, workers: Workers) -> tu
     `out` receives FINGERPRINT/settled/NAME.json beside the outcomes; what is there is not driven again.
     """
     folder = out / fingerprint()
-    tasks = [Task(one.case.level, one.case.seed) for one in outcomes if one.verdict == "ambiguous"]
+    tasks = [
+        Task(one.case.level, one.case.seed, one.case.driven) for one in outcomes if one.verdict == "ambiguous"
+    ]
     todo = [task for task in tasks if not settled_file(task, folder).is_file()]
     if todo:
         with tqdm(total=len(tasks), initial=len(tasks) - len(todo), unit="tie") as bar:
@@ -76,7 +78,7 @@ def read_settled(path: Path) -> Settled:
 def settle_task(task: Task) -> Settled:
     """Draw the case of a task again, settle it, and return what came of it."""
     with TemporaryDirectory() as made:
-        case = WRITERS[task.level](task.seed, Path(made))
+        case = WRITERS[task.level](task.seed, Path(made), task.driven)
         model = nominal_model(Path(made))
 
         options = GapOptions(jobs=1, fitted_on=logs_of_fit(Path(made)))

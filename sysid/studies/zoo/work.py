@@ -27,13 +27,13 @@ from sysid.gap.result import GapOptions
 from sysid.gap.workflow import analyse
 from sysid.logs import Dataset, read_dataset
 from sysid.logs.runs import Level
-from sysid.studies.zoo.cases.case import Case
+from sysid.studies.zoo.cases.case import Case, Driven, short_name
 from sysid.studies.zoo.cases.write import write_bench_case, write_robot_case
 from sysid.studies.zoo.nominal import nominal_model
 from sysid.studies.zoo.outcome import ERROR, Outcome, case_from_json, from_json, outcome_of, to_json
 from sysid.studies.zoo.sources import fingerprint
 
-Writer = Callable[[int, Path], Case]
+Writer = Callable[[int, Path, Driven], Case]
 """Writes the case of a seed to a folder: `nominal` and `logs`, of a robot also robot.json."""
 WRITERS: Final[Mapping[Level, Writer]] = {"bench": write_bench_case, "robot": write_robot_case}
 
@@ -44,11 +44,12 @@ class Task:
 
     level: Level
     seed: int
+    driven: Driven = "other"
 
     @property
     def name(self) -> str:
         """Such as "bench-0042", with which the name of its case begins."""
-        return f"{self.level}-{self.seed:04d}"
+        return short_name(self.level, self.seed, self.driven)
 
 
 @dataclass(frozen=True)
@@ -135,7 +136,7 @@ def run_task(task: Task, code: str, only: str = "*") -> Ran:
     _require_same_code(code)
     with TemporaryDirectory() as made:
         try:
-            case = WRITERS[task.level](task.seed, Path(made))
+            case = WRITERS[task.level](task.seed, Path(made), task.driven)
         except Exception as error:
             return Ran(task.name, None, None, _text(error, Path(made)))
         wanted = fnmatch.fnmatch(case.name, only)

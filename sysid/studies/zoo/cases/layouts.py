@@ -60,3 +60,12 @@ _SHARES: Final = (0.4, 0.12, 0.12, 0.12, 0.12, 0.12)
 def draw_layout(rng: np.random.Generator) -> Layout:
     """Return a layout at random: two in five are standard."""
     return LAYOUTS[int(rng.choice(len(LAYOUTS), p=_SHARES))]
+
+
+def layout_again(layout: Layout, fitted: Layout) -> Layout:
+    """Return a layout's like for logs that drive the sequences of the `fitted` logs again.
+
+    All of them, where each is driven once; else as many as the layout has, and each as often.
+    """
+    sequences = fitted.sequences if layout.repeats == 1 else min(layout.sequences, fitted.sequences)
+    return dataclasses.replace(layout, sequences=sequences, seconds=fitted.seconds)

@@ -16,11 +16,10 @@ import numpy as np
 import numpy.typing as npt
 
 from sysid.studies.zoo.cases.bench import draw as bench_draw
-from sysid.studies.zoo.cases.bench.plans import FIT_PLANS, Commands
-from sysid.studies.zoo.cases.case import Case
-from sysid.studies.zoo.cases.layouts import LAYOUTS, STANDARD, Layout
+from sysid.studies.zoo.cases.bench.plans import Commands
+from sysid.studies.zoo.cases.case import Case, Driven
+from sysid.studies.zoo.cases.layouts import STANDARD, Layout
 from sysid.studies.zoo.cases.robot import draw as robot_draw
-from sysid.studies.zoo.cases.robot.plans import FIT_PLAN, sequences
 from sysid.studies.zoo.drives.drive import Drive
 from sysid.studies.zoo.drives.simulate import simulate as simulate_drive
 from sysid.studies.zoo.robots.draw import known
@@ -36,35 +35,34 @@ _BENCH_SPLITS: Final = ("fit", "fit", "validation", "fit", "test", "fit", "valid
 """Of the groups of a drive's nominal logs."""
 _ROBOT_SPLITS: Final = ("fit", "fit", "fit", "fit", "validation", "test")
 """Of the sequences of a robot's nominal logs, in the order of the plan's manoeuvres."""
-FIT_SEQUENCES: Final = len(_ROBOT_SPLITS)
-"""Number of command sequences in a robot's nominal logs."""
-_ROBOT_FIT_REPEATS: Final = 2
 
 
-def write_bench_case(seed: int, folder: Path) -> Case:
-    """Write a seed's nominal logs to `folder`/nominal and its case's to `folder`/logs; return the case."""
-    case, nominal, changed = bench_draw.draw_bench_case(seed)
-    layout = next(layout for layout in LAYOUTS if layout.name == case.layout)
-    fit_plan = str(np.random.default_rng((seed, bench_draw.NOISE)).choice(FIT_PLANS))
-    commands = bench_draw.study_commands(seed, fit_plan, STANDARD, nominal, nominal=True)
+def write_bench_case(seed: int, folder: Path, driven: Driven = "other") -> Case:
+    """Write a seed's nominal logs to `folder`/nominal and its case's to `folder`/logs; return the case.
+
+    `driven` says which commands the case's logs drive.
+    """
+    case, nominal, changed = bench_draw.draw_bench_case(seed, driven)
+    commands, layout = bench_draw.fit_commands(seed, nominal), bench_draw.layout_of(case)
     _write_bench_study(
         folder / "nominal", nominal, commands, STANDARD, (seed, bench_draw.NOISE, 0), _BENCH_SPLITS
     )
-    commands = bench_draw.study_commands(seed, case.plan, layout, nominal, nominal=False)
+    commands = bench_draw.case_commands(case, nominal)
     _write_bench_study(folder / "logs", changed, commands, layout, (seed, bench_draw.NOISE, 1), ())
     return case
 
 
-def write_robot_case(seed: int, folder: Path) -> Case:
+def write_robot_case(seed: int, folder: Path, driven: Driven = "other") -> Case:
     """Write the case of a seed to a folder and return it.
 
     `nominal` receives the logs that a model is fitted to, with their splits, `robot.json` what a ruler and a
-    scale tell of the robot, and `logs` those with something hidden.
+    scale tell of the robot, and `logs` those with something hidden, which drive the commands that `driven`
+    says.
 
     Raises:
         RuntimeError: nothing of the wanted kind shows on the seed's robot.
     """
-    case, robot, changed = robot_draw.draw_robot_case(seed)
+    case, robot, changed = robot_draw.draw_robot_case(seed, driven)
     write_robot_nominal(seed, robot, folder)
     commands, repeats = robot_draw.study_commands(case, robot), robot_draw.layout_of(case).repeats
     write_robot_logs(folder / "logs", changed, commands, seed, repeats)
@@ -76,9 +74,9 @@ def write_robot_nominal(seed: int, robot: Robot, folder: Path) -> None:
 
     `seed` draws commands, starts, noise and the errors of the ruler.
     """
-    rows = sequences(robot, FIT_PLAN, FIT_SEQUENCES, np.random.default_rng([seed, robot_draw.FIT]))
+    rows = robot_draw.fit_commands(seed, robot)
     stream = [seed, robot_draw.RUNS, 0]
-    _write_robot_study(folder / "nominal", robot, rows, _ROBOT_FIT_REPEATS, stream, _ROBOT_SPLITS)
+    _write_robot_study(folder / "nominal", robot, rows, robot_draw.FITTED.repeats, stream, _ROBOT_SPLITS)
     ruler = known(robot, np.random.default_rng([seed, robot_draw.RULER]))
     (folder / "robot.json").write_text(json.dumps(ruler, indent=1) + "\n", encoding="utf-8")
 

@@ -12,10 +12,10 @@ import numpy as np
 from sysid.studies.zoo.cases.bench.change import Change
 from sysid.studies.zoo.cases.bench.changes import CHANGES, TWINS, UNSEEN_WHEN_GENTLE, change_of, slow_twins
 from sysid.studies.zoo.cases.bench.outsiders import FAR_OUTSIDERS, NEAR_OUTSIDERS, Outsider
-from sysid.studies.zoo.cases.bench.plans import CASE_PLANS, GENTLE, Commands, plan
+from sysid.studies.zoo.cases.bench.plans import CASE_PLANS, FIT_PLANS, GENTLE, Commands, plan
 from sysid.studies.zoo.cases.bench.size import TARGETS, Apply, Solved, Yardstick, solve_size
-from sysid.studies.zoo.cases.case import Case, Hidden, Kind
-from sysid.studies.zoo.cases.layouts import Layout, draw_layout
+from sysid.studies.zoo.cases.case import Case, Driven, Hidden, Kind
+from sysid.studies.zoo.cases.layouts import LAYOUTS, STANDARD, Layout, draw_layout, layout_again
 from sysid.studies.zoo.drives.draw import draw_drive
 from sysid.studies.zoo.drives.drive import Drive, Family
 from sysid.studies.zoo.drives.families import FAMILIES
@@ -54,6 +54,20 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True)
+class _Asked:
+    """What a seed asks for."""
+
+    seed: int
+    kind: Kind
+    layout: Layout
+    driven: Driven
+    changes: tuple[Change, ...]
+    outsider: Outsider | None
+    level: float
+    """Place in the range of sizes, 0 to 1."""
+
+
+@dataclass(frozen=True)
 class _Try:
     """One answer to what a seed asks for."""
 
@@ -66,14 +80,22 @@ class _Try:
     """How far from what was wanted, 0 or more."""
 
 
-def draw_bench_case(seed: int) -> tuple[Case, Drive, Drive]:
-    """Return the case of a seed with its nominal and its changed drive: always the same."""
+def draw_bench_case(seed: int, driven: Driven = "other") -> tuple[Case, Drive, Drive]:
+    """Return the case of a seed with its nominal and its changed drive: always the same.
+
+    `driven` says which commands its logs drive.
+    """
     kind, turn = kind_of(seed)
     layout = draw_layout(_rng(seed, LAYOUT))
+    if driven == "same":
+        layout = layout_again(layout, STANDARD)
+        # Gentle commands are not those of a fit.
+        kind = "quiet" if kind == "untestable" else kind
     changes, outsider = _changes(seed, kind, turn)
+    asked = _Asked(seed, kind, layout, driven, changes, outsider, _level(kind, turn))
     best: _Try | None = None
     for attempt in range(_TRIES):
-        tried = _try(seed, attempt, kind, layout, changes, outsider, _level(kind, turn))
+        tried = _try(asked, attempt)
         if best is None or tried.miss < best.miss:
             best = tried
         if best.miss == 0.0:
@@ -90,6 +112,7 @@ def draw_bench_case(seed: int) -> tuple[Case, Drive, Drive]:
         outsider=outsider.words if outsider else "",
         twins=_twins(changes, best.changed, layout),
         signal=best.signal,
+        driven=driven,
     )
     return case, best.nominal, best.changed
 
@@ -108,6 +131,22 @@ def kind_of(seed: int) -> tuple[Kind, int]:
     return kind, block * SHARES[kind] + before
 
 
+def fit_commands(seed: int, drive: Drive) -> list[Commands]:
+    """Return the command sequences of a seed's nominal logs."""
+    return study_commands(seed, _fit_plan(seed), STANDARD, drive, nominal=True)
+
+
+def case_commands(case: Case, drive: Drive) -> list[Commands]:
+    """Return the command sequences of a case's logs, made for the drive before its change."""
+    return _case_commands(case.seed, case.plan, layout_of(case), case.driven, drive)
+
+
+def layout_of(case: Case) -> Layout:
+    """Return the layout of a case's logs."""
+    layout = next(layout for layout in LAYOUTS if layout.name == case.layout)
+    return layout_again(layout, STANDARD) if case.driven == "same" else layout
+
+
 def study_commands(seed: int, name: str, layout: Layout, drive: Drive, *, nominal: bool) -> list[Commands]:
     """Return the command sequences of a plan in a study, one per group of repeats.
 
@@ -123,6 +162,16 @@ def study_commands(seed: int, name: str, layout: Layout, drive: Drive, *, nomina
         )
         for i in range(layout.sequences)
     ]
+
+
+def _fit_plan(seed: int) -> str:
+    return str(_rng(seed, NOISE).choice(FIT_PLANS))
+
+
+def _case_commands(seed: int, name: str, layout: Layout, driven: Driven, drive: Drive) -> list[Commands]:
+    if driven == "same":
+        return fit_commands(seed, drive)[: layout.sequences]
+    return study_commands(seed, name, layout, drive, nominal=False)
 
 
 def _changes(seed: int, kind: Kind, turn: int) -> tuple[tuple[Change, ...], Outsider | None]:
@@ -176,39 +225,33 @@ def _wanted(level: float, kind: Kind, member: int) -> float:
     return float(low * (high / low) ** ((level + 0.382 * member) % 1.0))
 
 
-def _try(
-    seed: int,
-    attempt: int,
-    kind: Kind,
-    layout: Layout,
-    changes: tuple[Change, ...],
-    outsider: Outsider | None,
-    level: float,
-) -> _Try:
+def _try(asked: _Asked, attempt: int) -> _Try:
     """Draw a drive that can have the changes, and commands; size the changes by their wanted traces."""
-    nominal = _drive(seed, attempt, kind, layout, changes, outsider)
+    seed, kind, layout, outsider = asked.seed, asked.kind, asked.layout, asked.outsider
+    nominal = _drive(asked, attempt)
     rng = _rng(seed, COMMANDS, 2, attempt)
     name = str(rng.choice((*CASE_PLANS, GENTLE) if kind == "quiet" else CASE_PLANS))
-    commands = study_commands(seed, name, layout, nominal, nominal=False)
-    yardstick = Yardstick(nominal, commands, seed)
+    if asked.driven == "same":
+        name = _fit_plan(seed)
+    yardstick = Yardstick(nominal, _case_commands(seed, name, layout, asked.driven, nominal), seed)
 
     def solved(apply: Apply, member: int) -> Solved:
-        target = _wanted(level, kind, member)
+        target = _wanted(asked.level, kind, member)
         return solve_size(apply, nominal, target, yardstick, (seed, CHANGE, attempt, member))
 
     if kind == "quiet":
         return _Try(nominal, nominal, name, (), 0.0, 0.0)
     if outsider:
         found = solved(outsider.apply, 0)
-        miss = _miss(found.signal, _wanted(level, kind, 0))
+        miss = _miss(found.signal, _wanted(asked.level, kind, 0))
         return _Try(nominal, found.drive, name, (), found.signal, miss)
     changed, hidden, miss = nominal, [], 0.0
-    for member, change in enumerate(changes):
+    for member, change in enumerate(asked.changes):
         found = solved(change.apply, member)
         before = changed
         changed = change.apply(before, found.size, _rng(seed, CHANGE, attempt, member))
         hidden.append(change.hidden(before, changed, found.signal))
-        miss += _miss(found.signal, _wanted(level, kind, member))
+        miss += _miss(found.signal, _wanted(asked.level, kind, member))
     if kind == "untestable":
         gentle = Yardstick(nominal, study_commands(seed, GENTLE, layout, nominal, nominal=False), seed)(
             changed
@@ -224,27 +267,20 @@ def _miss(reached: float, wanted: float) -> float:
     return max(_ENOUGH - reached / wanted, 0.0)
 
 
-def _drive(
-    seed: int,
-    attempt: int,
-    kind: Kind,
-    layout: Layout,
-    changes: tuple[Change, ...],
-    outsider: Outsider | None,
-) -> Drive:
+def _drive(asked: _Asked, attempt: int) -> Drive:
     """Return a drive that can have the changes, of the seed's family if that is possible."""
-    families = _family_order(seed)
+    families, outsider = _family_order(asked.seed), asked.outsider
     for i in range(_DRIVES_PER_FAMILY * len(families)):
         family = families[i // _DRIVES_PER_FAMILY]
-        key = _rng(seed, DRIVE, attempt, i).integers(1 << 31)
-        drive = layout.sensed(draw_drive(int(key), family))
+        key = _rng(asked.seed, DRIVE, attempt, i).integers(1 << 31)
+        drive = asked.layout.sensed(draw_drive(int(key), family))
         # A logged battery dips when the motor starts, which tells a late command from a late sensor.
-        able = kind != "twin" or not drive.battery.logged
-        able = able and all(change.possible(drive) for change in changes)
+        able = asked.kind != "twin" or not drive.battery.logged
+        able = able and all(change.possible(drive) for change in asked.changes)
         if able and (not outsider or outsider.possible(drive)):
             return drive
-    what = outsider.words if outsider else ", ".join(f"{c.name}/{c.form}" for c in changes)
-    raise RuntimeError(f"seed {seed}: no drive of the zoo can have {what}")
+    what = outsider.words if outsider else ", ".join(f"{c.name}/{c.form}" for c in asked.changes)
+    raise RuntimeError(f"seed {asked.seed}: no drive of the zoo can have {what}")
 
 
 def _family_order(seed: int) -> tuple[Family, ...]:

@@ -10,11 +10,11 @@ from typing import Final, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from sysid.studies.zoo.cases.case import Case, Hidden
-from sysid.studies.zoo.cases.layouts import Layout
+from sysid.studies.zoo.cases.case import Case, Driven, Hidden
+from sysid.studies.zoo.cases.layouts import Layout, layout_again
 from sysid.studies.zoo.cases.robot.changes import MAY_HAVE_TWINS, ROBOT_CHANGES, UNSEEN_WHEN_GENTLE, twins
 from sysid.studies.zoo.cases.robot.outsiders import ROBOT_OUTSIDERS
-from sysid.studies.zoo.cases.robot.plans import GENTLE_PLAN, RUN_S, STUDY_PLANS, sequences
+from sysid.studies.zoo.cases.robot.plans import FIT_PLAN, GENTLE_PLAN, RUN_S, STUDY_PLANS, sequences
 from sysid.studies.zoo.cases.robot.schedule import in_turn, kind_of
 from sysid.studies.zoo.cases.robot.size import Yardstick, solve_size, yardstick
 from sysid.studies.zoo.robots.draw import draw_robot
@@ -30,13 +30,15 @@ LAYOUTS: Final = (
     Layout("no_repeats", sequences=8, repeats=1, seconds=RUN_S),
     Layout("slow_log", sequences=4, repeats=2, seconds=RUN_S, sample_s=0.05),
 )
+FITTED: Final = Layout("fitted", sequences=6, repeats=2, seconds=RUN_S)
+"""The layout of the nominal logs: one sequence of each manoeuvre of their plan."""
 _LAYOUT_SHARES: Final = (0.55, 0.15, 0.15, 0.15)
 _SIGNALS: Final = (0.3, 30.0)
 """Range of the signals of single effects: from undetectable to gross."""
 _CLEAR_SIGNALS: Final = (3.0, 30.0)
 """Of cases that ask what a visible effect is called, not whether it is there."""
 _UNSEEN_SIGNAL: Final = 0.3
-_PLAN, _LAYOUT, _TARGET, _CHANGE, RUNS, RULER, FIT = range(4100, 4107)
+_PLAN, _LAYOUT, _TARGET, _CHANGE, RUNS, RULER, _FIT = range(4100, 4107)
 """Streams of random numbers of a seed."""
 
 
@@ -60,8 +62,10 @@ class _Solved:
     signal: float
 
 
-def draw_robot_case(seed: int) -> tuple[Case, Robot, Robot]:
+def draw_robot_case(seed: int, driven: Driven = "other") -> tuple[Case, Robot, Robot]:
     """Return the case of a seed, its robot as it was fitted, and the changed one that made the logs.
+
+    `driven` says which commands these drive.
 
     Raises:
         RuntimeError: nothing of the wanted kind shows on the seed's robot.
@@ -70,12 +74,15 @@ def draw_robot_case(seed: int) -> tuple[Case, Robot, Robot]:
     rng = np.random.default_rng([seed, _LAYOUT])
     layout = LAYOUTS[int(rng.choice(len(LAYOUTS), p=_LAYOUT_SHARES))]
     plan = GENTLE_PLAN if kind == "untestable" else STUDY_PLANS[int(rng.integers(len(STUDY_PLANS)))]
+    if driven == "same":
+        # Gentle commands are not those of a fit.
+        kind, plan = "quiet" if kind == "untestable" else kind, FIT_PLAN
     robot = draw_robot(seed)
     robot = replace(robot, drive=layout.sensed(robot.drive))
     if kind == "twin":
         # A voltage that is logged on time would tell a late command from late sensors.
         robot = replace(robot, drive=replace(robot.drive, battery=replace(robot.drive.battery, logged=False)))
-    case = Case(seed, "robot", kind, robot.drive.family, plan, layout.name)
+    case = Case(seed, "robot", kind, robot.drive.family, plan, layout.name, driven=driven)
     drawn = _drawn(case, robot, turn)
     case = replace(case, hidden=drawn.hidden, outsider=drawn.outsider, twins=drawn.twins, signal=drawn.signal)
     return case, robot, drawn.changed
@@ -86,12 +93,20 @@ def study_commands(case: Case, robot: Robot) -> list[FloatArray]:
     return _commands(case, robot, case.plan)
 
 
+def fit_commands(seed: int, robot: Robot) -> list[FloatArray]:
+    """Return the command sequences of a seed's nominal logs, each (m, 3)."""
+    return sequences(robot, FIT_PLAN, FITTED.sequences, np.random.default_rng([seed, _FIT]))
+
+
 def layout_of(case: Case) -> Layout:
     """Return the layout of a case's logs."""
-    return next(layout for layout in LAYOUTS if layout.name == case.layout)
+    layout = next(layout for layout in LAYOUTS if layout.name == case.layout)
+    return layout_again(layout, FITTED) if case.driven == "same" else layout
 
 
 def _commands(case: Case, robot: Robot, plan: str) -> list[FloatArray]:
+    if case.driven == "same":
+        return fit_commands(case.seed, robot)[: layout_of(case).sequences]
     rng = np.random.default_rng([case.seed, _PLAN])
     return sequences(robot, plan, layout_of(case).sequences, rng)
 

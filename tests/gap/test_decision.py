@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import inf
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 import sysid.gap
 from mecanum_env.model import Model
-from sysid.compare.least_squares import Fitted, ResidualProblem
+from sysid.compare.least_squares import Fitted, ResidualProblem, base_fit
 from sysid.compare.measured import observe
 from sysid.compare.model_error import ModelError, Whitener
 from sysid.compare.model_error.size import ChannelError
@@ -20,8 +22,9 @@ from sysid.gap.report.output import gap_json
 from sysid.gap.result import FoundEffect, GapOptions, GapReport, Interval
 from sysid.gap.search.chance import Floor
 from sysid.gap.search.decision import explore
+from sysid.gap.search.plain_squares import mean_squares, plainly_larger
 from sysid.gap.search.responses import Growth, Library, growths, responses
-from sysid.gap.search.sets import Search
+from sysid.gap.search.sets import EMPTY, Search
 from sysid.gap.search.thresholds import THRESHOLDS, SearchEffort
 from sysid.gap.workflow import analyse
 from sysid.logs import Dataset
@@ -218,3 +221,19 @@ def test_a_slow_difference_is_plain_though_noise_is_most_of_the_cost(
     assert search.base.cost < THRESHOLDS.plainly_visible * search.problem.size
     facts = explore(search, Floor(np.inf, trusted=True, compared=True), 1, np.random.default_rng(0))
     assert facts.is_plain == is_plain
+
+
+def test_a_difference_that_only_the_correction_makes_is_not_plain(bench_logs: MakeLogs, base: Model) -> None:
+    """What the logs of the fit say of the model's error may be far off in other commands."""
+    observations = observe(logs := bench_logs(base, noise_rpm=1.0))
+    error = ModelError({"speed_rpm": ChannelError(settled=1.0, transient=0.0, correlation_s=0.3)})
+    whitener = Whitener(observations, measure_noise(logs, observations), error)
+    simulate = ResidualProblem(base, whitener).simulators.full.predictions
+    slower = base.with_effect("speed_gain", gain=0.96)
+    off = whitener.whiten(simulate(slower)) - whitener.whiten(simulate(base))
+    learned = SimpleNamespace(expected_error=lambda *_: (off, np.zeros((off.size, 0))))
+    problem = ResidualProblem(base, whitener, learned=cast(Any, learned))
+    corrected = base_fit(problem, EMPTY)
+    plain = ResidualProblem(base, whitener)
+    assert mean_squares(problem, corrected) > 5.0 * mean_squares(plain, base_fit(plain, EMPTY))
+    assert not plainly_larger(problem, corrected)

@@ -82,9 +82,11 @@ class ResidualProblem:
         self.knows_all = learned is not None and not self.bench
         """Whether what every effect would do is among the model's own error, as far as the logs of its fit
         leave that open, so that only what is new counts."""
+        self.correction = np.zeros(self.size)
+        """What the logs of the fit say that the base model errs by, (N,); taken off what was measured."""
         if learned is not None:
-            known, self.nuisance = learned.expected_error(whitener, self.simulators, at)
-            self.measured = self.measured - known
+            self.correction, self.nuisance = learned.expected_error(whitener, self.simulators, at)
+            self.measured = self.measured - self.correction
         unchanged = self.simulators.averaged if self.knows_all else self.simulators.full
         self.base_residual = self.measured - whitener.whiten(unchanged.predictions(base))
         if learned is None:

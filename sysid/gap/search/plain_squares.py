@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mecanum_env.units import FloatArray
 from sysid.compare.least_squares import Fitted, ResidualProblem
 from sysid.compare.search_space import EffectSet
 from sysid.gap.search.thresholds import THRESHOLDS
@@ -14,16 +15,15 @@ from sysid.gap.search.thresholds import THRESHOLDS
 
 def mean_squares(problem: ResidualProblem, fitted: Fitted[EffectSet]) -> float:
     """Return the sum of squared errors, each a mean over repeats, in variances of such a mean."""
-    noise, blocks = problem.whitener.noise.sigma, problem.observations.blocks
-    parts = problem.whitener.unwhiten(problem.marginal_inverse(fitted.residual))
-    both = zip(blocks, parts, strict=True)
-    return sum(float(block.weight @ part**2) / noise[block.channel] ** 2 for block, part in both)
+    return _squares(problem, problem.marginal_inverse(fitted.residual))
 
 
 def plainly_larger(problem: ResidualProblem, base: Fitted[EffectSet]) -> bool:
     """Return whether the squared errors are plainly larger than a right model's, without any whitening.
 
-    The cost of many samples of noise hides an error that is slow: whitened, it is in few of them.
+    The cost of many samples of noise hides an error that is slow: whitened, it is in few of them. The model
+    must err as much without what the logs of its fit say of its error: in commands far from theirs this
+    correction may be wrong by more than the model is.
     """
     noise, blocks = problem.whitener.noise.sigma, problem.observations.blocks
     unknown = problem.whitener.unwhiten(problem.nuisance)
@@ -32,7 +32,9 @@ def plainly_larger(problem: ResidualProblem, base: Fitted[EffectSet]) -> bool:
         float(block.weight @ (squares + np.sum(columns**2, axis=1))) / noise[block.channel] ** 2
         for block, squares, columns in parts
     )
-    return mean_squares(problem, base) > THRESHOLDS.plainly_visible * right
+    least = THRESHOLDS.plainly_visible * right
+    uncorrected = problem.base_residual + problem.correction
+    return mean_squares(problem, base) > least and _squares(problem, uncorrected) > least
 
 
 def noise_ratio(problem: ResidualProblem, base: Fitted[EffectSet]) -> float:
@@ -46,3 +48,10 @@ def removed(problem: ResidualProblem, base: Fitted[EffectSet], chosen: Fitted[Ef
     """Return the share of the squared difference above the noise that a set removes, sample by sample."""
     before, after = (mean_squares(problem, fitted) - problem.size for fitted in (base, chosen))
     return (before - after) / before if before > 0.0 else 0.0
+
+
+def _squares(problem: ResidualProblem, residual: FloatArray) -> float:
+    """Return the squares of a whitened residual (N,) as `mean_squares` counts them."""
+    noise, blocks = problem.whitener.noise.sigma, problem.observations.blocks
+    both = zip(blocks, problem.whitener.unwhiten(residual), strict=True)
+    return sum(float(block.weight @ part**2) / noise[block.channel] ** 2 for block, part in both)

@@ -25,14 +25,18 @@ def plainly_larger(problem: ResidualProblem, base: Fitted[EffectSet]) -> bool:
 
     The cost of many samples of noise hides an error that is slow: whitened, it is in few of them.
     """
+    return mean_squares(problem, base) > THRESHOLDS.plainly_visible * right_squares(problem)
+
+
+def right_squares(problem: ResidualProblem) -> float:
+    """Return the `mean_squares` that are expected of a right model."""
     noise, blocks = problem.whitener.noise.sigma, problem.observations.blocks
     unknown = problem.whitener.unwhiten(problem.nuisance)
     parts = zip(blocks, problem.whitener.expected_squares(), unknown, strict=True)
-    right = sum(
+    return sum(
         float(block.weight @ (squares + np.sum(columns**2, axis=1))) / noise[block.channel] ** 2
         for block, squares, columns in parts
     )
-    return mean_squares(problem, base) > THRESHOLDS.plainly_visible * right
 
 
 def noise_ratio(problem: ResidualProblem, base: Fitted[EffectSet]) -> float:

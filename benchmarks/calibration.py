@@ -225,13 +225,21 @@ def page(drives: Sequence[Measured], robots: Sequence[Measured]) -> Iterator[str
     yield (
         f"{written()} Drives and robots of [the zoo](zoo.md), of development seeds: the first ones in which "
         "nothing changed, and the first ones that hide an effect of a clear size or more, in robots a limit "
-        "or a threshold. A model is fitted to the logs before, and a study of the logs after, beside those of "
-        "the fit, goes as far as the values that are compared with two thresholds. The signal is the rms of what "
-        "the hidden effect does to the logs over the noise of repeats."
+        "or a threshold. A model is fitted to the logs before. A study of the logs after, beside those of "
+        "the fit, goes as far as the values that are compared with two thresholds. The signal is the rms of "
+        "what the hidden effect does to the logs over the noise of repeats."
     )
     yield "## Both sides of two thresholds"
     yield markdown_table(
-        ("threshold", "value", "what is compared", "quiet, largest", "hidden, smallest", "hidden above it"),
+        (
+            "threshold",
+            "value",
+            "what is compared",
+            "quiet, largest",
+            "above it",
+            "hidden, smallest",
+            "above it",
+        ),
         summary(drives, robots),
     )
     yield "## Drives"
@@ -273,7 +281,10 @@ def page(drives: Sequence[Measured], robots: Sequence[Measured]) -> Iterator[str
 
 
 def summary(drives: Sequence[Measured], robots: Sequence[Measured]) -> list[tuple[str, ...]]:
-    """Return, for each comparison with a threshold, its largest quiet and its smallest hidden value."""
+    """Return, for each comparison with a threshold, its largest quiet and smallest hidden value.
+
+    Beside each is how many values are above the threshold.
+    """
     visible, elsewhere = COMPARED
     compared: list[tuple[str, str, Sequence[Measured], Callable[[Measured], float]]] = [
         (visible, "drives, plain squares", drives, lambda one: one.plain),
@@ -286,10 +297,10 @@ def summary(drives: Sequence[Measured], robots: Sequence[Measured]) -> list[tupl
         threshold = getattr(THRESHOLDS, name)
         without = [value_of(one) for one in cases if not one.hidden]
         within = [value_of(one) for one in cases if one.hidden]
-        largest = f"{max(without):.3g} of {len(without)}" if without else "-"
-        smallest = f"{min(within):.3g} of {len(within)}" if within else "-"
-        above = f"{sum(value > threshold for value in within)} of {len(within)}"
-        rows.append((f"`{name}`", f"{threshold:g}", words, largest, smallest, above))
+        largest = f"{max(without):.3g}" if without else "-"
+        smallest = f"{min(within):.3g}" if within else "-"
+        above = [f"{sum(value > threshold for value in side)} of {len(side)}" for side in (without, within)]
+        rows.append((f"`{name}`", f"{threshold:g}", words, largest, above[0], smallest, above[1]))
     return rows
 
 

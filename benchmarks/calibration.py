@@ -109,8 +109,8 @@ class Measured:
 def main(
     drives: int = 13,
     hidden_drives: int = 6,
-    robots: int = 6,
-    hidden_robots: int = 5,
+    robots: int = 4,
+    hidden_robots: int = 4,
     out: Path = Path("out/calibration"),
     markdown: Path | None = None,
 ) -> None:

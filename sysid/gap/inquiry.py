@@ -115,12 +115,12 @@ def _searched(
     data = study_data(dataset, model, options)
     data = replace(data, floor=replace(data.floor, false_alarm=false_alarm))
     progress(stage := "what each effect would do")
-    search = _start_search(data, model, settings, considered, within(progress, stage))
+    search = start_search(data, model, settings, considered, within(progress, stage))
     if not data.floor.trusted:
         progress(stage := "how far the model errs by itself")
         search.tell = within(progress, stage)
         data = replace(data, error=_error_of_best_fit(data, search, options.max_effects))
-        search = _start_search(data, model, settings, considered, search.tell, search.problem.simulators)
+        search = start_search(data, model, settings, considered, search.tell, search.problem.simulators)
     progress(stage := "sets of effects")
     search.tell = within(progress, stage)
     decision = decide(search, data.floor, options.max_effects, np.random.default_rng(settings.seed))
@@ -133,12 +133,12 @@ def _searched(
         error = _with_scatter(data, search)
         data = replace(data, noise=noise, error=error, floor=floor, notes=(*data.notes, *told))
         tell = within(progress, stage)
-        search = _start_search(data, model, settings, considered, tell, search.problem.simulators)
+        search = start_search(data, model, settings, considered, tell, search.problem.simulators)
         decision = decide(search, data.floor, options.max_effects, np.random.default_rng(settings.seed))
     return Inquiry(data, search, decision, _since(data, search.problem, decision))
 
 
-def _start_search(
+def start_search(
     data: StudyData,
     model: Model,
     settings: SimulationSettings,
@@ -146,6 +146,10 @@ def _start_search(
     tell: Progress,
     simulators: Simulators | None = None,
 ) -> Search:
+    """Return the search of a study before any set is fitted: what the `considered` effects would do.
+
+    `simulators` are those of an earlier search of the same logs, if there was one.
+    """
     whitener = Whitener(data.observations, data.noise, data.error)
     problem = ResidualProblem(model, whitener, settings, simulators, data.repeated or data.learned)
     level = data.observations.situations[0].runs[0].level

@@ -38,10 +38,20 @@ def beyond_fit(problem: ResidualProblem, learned: Learned, library: Sequence[Res
     `problem` is that of a robot's new logs, beside what was `learned` from those of the fit.
     """
     ripples = {r.effect for r in library if CATALOGUE[r.effect].follows_angle}
-    stepwise = {r.effect for r in library} - {r.effect for r in library if r.linear} - ripples
-    rough = dict.fromkeys(stepwise, THRESHOLDS.least_elsewhere * problem.size)
+    rough = dict.fromkeys(stepwise(library), THRESHOLDS.least_elsewhere * problem.size)
     of_fit = ResidualProblem(learned.model, learned.whitener, problem.settings, learned.simulators, learned)
     return _beyond(problem, of_fit, library, dict.fromkeys(ripples, 0.0) | rough)
+
+
+def stepwise(library: Sequence[Response]) -> set[str]:
+    """Return the limits and thresholds of a `library`: no small step of theirs does anything."""
+    ripples = {response.effect for response in library if CATALOGUE[response.effect].follows_angle}
+    return {r.effect for r in library} - {r.effect for r in library if r.linear} - ripples
+
+
+def promised_gains(problem: ResidualProblem, library: Sequence[Response]) -> dict[str, float]:
+    """Return the fall of the cost that each single effect of a `library` promises, by its name."""
+    return {growth.names[0]: gain for growth, gain in _growths(problem, library)}
 
 
 def ripples_beyond_fit(
@@ -75,7 +85,7 @@ def _beyond(
 
     Each effect that may be among the model's own error has such a least fall.
     """
-    promised = {growth.names[0]: gain for growth, gain in _growths(problem, library)}
+    promised = promised_gains(problem, library)
     asked = [
         name for name, gain in least.items() if promised.get(name, 0.0) > max(THRESHOLDS.tie_sigmas**2, gain)
     ]

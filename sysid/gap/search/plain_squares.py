@@ -21,9 +21,16 @@ def mean_squares(problem: ResidualProblem, fitted: Fitted[EffectSet]) -> float:
 def plainly_larger(problem: ResidualProblem, base: Fitted[EffectSet]) -> bool:
     """Return whether the squared errors are plainly larger than a right model's, without any whitening.
 
-    The cost of many samples of noise hides an error that is slow: whitened, it is in few of them. The model
-    must err as much without what the logs of its fit say of its error: in commands far from theirs this
-    correction may be wrong by more than the model is.
+    The cost of many samples of noise hides an error that is slow: whitened, it is in few of them.
+    """
+    return plain_ratio(problem, base) > THRESHOLDS.plainly_visible
+
+
+def plain_ratio(problem: ResidualProblem, base: Fitted[EffectSet]) -> float:
+    """Return how many times larger than a right model's the squared errors are, without any whitening.
+
+    The model must err as much without what the logs of its fit say of its error: in commands far from theirs
+    this correction may be wrong by more than the model is.
     """
     noise, blocks = problem.whitener.noise.sigma, problem.observations.blocks
     unknown = problem.whitener.unwhiten(problem.nuisance)
@@ -32,9 +39,8 @@ def plainly_larger(problem: ResidualProblem, base: Fitted[EffectSet]) -> bool:
         float(block.weight @ (squares + np.sum(columns**2, axis=1))) / noise[block.channel] ** 2
         for block, squares, columns in parts
     )
-    least = THRESHOLDS.plainly_visible * right
-    uncorrected = problem.base_residual + problem.correction
-    return mean_squares(problem, base) > least and _squares(problem, uncorrected) > least
+    uncorrected = _squares(problem, problem.base_residual + problem.correction)
+    return min(mean_squares(problem, base), uncorrected) / right
 
 
 def noise_ratio(problem: ResidualProblem, base: Fitted[EffectSet]) -> float:

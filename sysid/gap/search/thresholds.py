@@ -60,8 +60,7 @@ class Thresholds:
     """Cost ratio above which an effect that brings the residual to the noise floor is accepted without the
     formula-error penalty: an error this far above expectation is not the residue of a formula. Also the ratio
     up to which an own error from a comparison with the logs of the fit, whose size is only roughly known, may
-    be all of it, weighted or in plain squares. Assumed; in 29 logs of drawn drives in which nothing had
-    changed the plain squares are at most 1.16 times what is expected."""
+    be all of it, weighted or in plain squares. Assumed; PLAIN"""
     least_removed: float = 0.1
     """Share of the squared difference above the noise that a set must remove to be named. Assumed: removing
     less lowers the rms by 5 % at most."""
@@ -76,12 +75,9 @@ class Thresholds:
     """The same in the commands of the logs of the fit, in which the error is known better. Calibrated on
     drawn drives (bench seeds 300-329): in 19 logs in which nothing had changed, driven with the commands of
     the fit, seven show an effect that chance would not, which lowers the cost by 9 % at most."""
-    least_elsewhere: float = 0.03
+    least_elsewhere: float = 0.045
     """By how much, as a share of the cost of a right model, a limit or a threshold must lower the cost in
-    commands that a robot's fit did not drive: it may act there for the first time. Calibrated on drawn robots
-    beside the logs of their fits: where nothing had changed (robots 24, 38, 51 and 52 of the zoo) such
-    effects promise 0.018 at most, a hidden limit of the body's speed (40 and 47) 0.05 and 0.1. A backlash of
-    0.012 (31) is lost."""
+    commands that a robot's fit did not drive: it may act there for the first time. ELSEWHERE"""
     above_noise: float = 4.0
     """Mean squared error, in noise variances, too large to be the model's own even if nothing states that.
     Calibrated: laws leave 1.9 in the example's logs that they were fitted to, and 11, 29 and 73 in recordings

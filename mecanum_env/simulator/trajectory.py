@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -102,17 +103,24 @@ def step_through(
         rows = slice(start + 1, start + 1 + len(chunk))
         qpos[rows] = states[:, 1 : 1 + mj_model.nq]
         qvel[rows] = states[:, 1 + mj_model.nq : 1 + mj_model.nq + mj_model.nv]
-        _require_plausible(data, np.concatenate([state[None, :], states]))
+        _require_plausible(data, state, states)
         state = states[-1]
     mujoco.mj_setState(mj_model, data, state, _FULL)
     return qpos, qvel
 
 
-def _require_plausible(data: mujoco.MjData, states: FloatArray) -> None:
-    """Raise if a rollout warned: it stops there and repeats its last state in all remaining rows."""
+def _require_plausible(data: mujoco.MjData, first: FloatArray, later: FloatArray) -> None:
+    """Raise if a rollout warned: it stops there and repeats its last state in all remaining rows.
+
+    It went from the `first` state, shape (s,), to the `later` ones, shape (n, s).
+    """
     warnings = [
         mujoco.mjtWarning(i).name for i in range(mujoco.mjtWarning.mjNWARNING) if data.warning[i].number
     ]
+    # No sum of squares is finite if a state is not, and it takes a tenth of the time of looking at each.
+    if not warnings and math.isfinite(np.vdot(first, first) + np.vdot(later, later)):
+        return
+    states = np.concatenate([first[None, :], later])
     finite = np.all(np.isfinite(states), axis=1)
     if not warnings and finite.all():
         return

@@ -118,8 +118,8 @@ class _Clocks:
     """Number of steps of each run, shape (runs,)."""
     times_s: tuple[FloatArray, ...]
     """Times of each run [s], one more than it has steps."""
-    ends: Counts
-    """Where the times of each run but the last end, if they stand one behind the other, shape (runs - 1,)."""
+    parts: tuple[slice, ...]
+    """Where the times of each run are if they stand one behind the other."""
     lost_v: FloatArray | None
     """What the supplies have lost in each step, run after run [V]; None if nothing."""
 
@@ -129,7 +129,8 @@ class _Clocks:
         longest: FloatArray = timestep_s * np.arange(int(np.max(steps)) + 1, dtype=np.float64)
         times = tuple(longest[: count + 1] for count in steps)
         lost = _lost_voltages(runs, [one[:-1] for one in times])
-        return _Clocks(steps, times, np.cumsum(steps + 1)[:-1], lost)
+        ends = np.cumsum([0, *steps + 1]).tolist()
+        return _Clocks(steps, times, tuple(map(slice, ends[:-1], ends[1:])), lost)
 
 
 def wheel_motions(wheels: Sequence[FreeWheel], runs: BenchRuns) -> list[list[tuple[FloatArray, FloatArray]]]:
@@ -158,7 +159,7 @@ def wheel_motions(wheels: Sequence[FreeWheel], runs: BenchRuns) -> list[list[tup
         if np.any(reached < clocks.steps):
             raise diverged(float(np.min(reached[reached < clocks.steps])) * step)
         for i, row in zip(members, speeds, strict=True):
-            found[i] = list(zip(clocks.times_s, np.split(row, clocks.ends), strict=True))
+            found[i] = [(time, row[part]) for time, part in zip(clocks.times_s, clocks.parts, strict=True)]
     return [found[index] for index in range(len(wheels))]
 
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Hashable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from threading import Lock
-from typing import Any, Final, TypeVar, cast
+from typing import Final, TypeVar
 
 import mujoco
 import numpy as np
@@ -160,20 +160,9 @@ class Simulator:
 
 
 def model_key(model: Model) -> Hashable:
-    """Return a key of what a model's motion depends on."""
-    about = ("uncertainty", "provenance", "extra")
-    return tuple(_hashable(getattr(model, field.name)) for field in fields(model) if field.name not in about)
-
-
-def _hashable(value: Any) -> Hashable:
-    # Most are numbers and names, and whether something is a mapping takes several times as long to tell.
-    if isinstance(value, float | int | str):
-        return value
-    if isinstance(value, Mapping):
-        return tuple((key, _hashable(value[key])) for key in sorted(value))
-    if isinstance(value, list | tuple):
-        return tuple(map(_hashable, value))
-    return cast(Hashable, value)
+    """Return a key of what a model's motion depends on, its sensors included."""
+    effects = tuple((name, tuple(sorted(model.effects[name].items()))) for name in sorted(model.effects))
+    return model.wheel, model.robot, effects, tuple(sorted(model.wheels.items())), model.custom
 
 
 @dataclass(frozen=True, eq=False)

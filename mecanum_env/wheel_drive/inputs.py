@@ -109,7 +109,7 @@ def law_inputs(
 
 
 def _mean(start: FloatArray, held: Iterable[tuple[FloatArray, FloatArray]]) -> FloatArray:
-    """Return the sum of a start, 0, and of the commands that are `held`, each times its share of the ticks."""
+    """Return the sum of a start, 0, and of all commands that are `held`, each times its share of a tick."""
     return sum((share * command for share, command in held), start=start)
 
 

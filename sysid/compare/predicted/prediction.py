@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Final, TypeVar
 
 import mujoco
@@ -204,8 +205,11 @@ class CompiledRobot:
     def __init__(self, model: Model, settings: SimulationSettings) -> None:
         self._model, self._compiled = model, compile_robot(model, settings)
         self._data = mujoco.MjData(self._compiled)
-        self._by_voltage = follows_voltage(model)
         self._stances: dict[tuple[float, ...], FloatArray] = {}
+
+    @cached_property
+    def _follows_voltage(self) -> bool:
+        return follows_voltage(self._model)
 
     def motion(self, run: Run, start: Start, wheel_angles_rad: tuple[float, ...] = ()) -> Motion:
         """Return `motion_of` the robot in a run that it starts with wheels at some angles [rad], 0 if none.
@@ -216,14 +220,14 @@ class CompiledRobot:
         if wheel_angles_rad not in self._stances:
             self._stances[wheel_angles_rad] = standing(self._compiled, wheel_angles_rad)
         lead = _LEAD_S if start.moving else 0.0
-        supply = supply_of(run) if self._by_voltage else None
+        supply = supply_of(run)
         path = drive(
             self._model,
             commands_of(run, self._model.wheel.command_period_s, lead),
             run.duration_s + lead,
             mj_model=self._compiled,
             stance=self._stances[wheel_angles_rad],
-            supply=supply and supply.later(lead),
+            supply=supply.later(lead) if supply is not None and self._follows_voltage else None,
             data=self._data,
         )
         columns = (*path.wheels_rpm.T, *path.twist.T, *path.pose.T)

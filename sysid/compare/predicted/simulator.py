@@ -126,16 +126,17 @@ class Simulator:
     def _simulate(self, model: Model) -> list[Motion]:
         if self.observations.situations[0].runs[0].level == "bench":
             wheel = FreeWheel.of(model, timestep_s=self.settings.timestep_s)
-            groups = self._groups_of(model, by_voltage=wheel.reads_voltage)
+            groups = self._groups_of(model, by_voltage=self._voltage_logged and wheel.reads_voltage)
             return groups.of_situations(bench_motions_of(wheel, groups.bench_runs))
         # A direction in the world makes the motion depend on where a run starts.
         by_heading = any(CATALOGUE[name].turned is not None for name in model.effects)
-        groups = self._groups_of(model, by_voltage=follows_voltage(model), by_heading=by_heading)
+        by_voltage = self._voltage_logged and follows_voltage(model)
+        groups = self._groups_of(model, by_voltage=by_voltage, by_heading=by_heading)
         return groups.of_situations(self._robot_motions(model, groups, by_heading))
 
     def _groups_of(self, model: Model, *, by_voltage: bool, by_heading: bool = False) -> Groups:
         """Return the situations that share a motion of a model; see `Groups.of`."""
-        key = model.wheel.command_period_s, self._voltage_logged and by_voltage, by_heading
+        key = model.wheel.command_period_s, by_voltage, by_heading
         if key not in self._groups:
             self._groups[key] = Groups.of(self.observations.situations, *key)
         return self._groups[key]

@@ -92,10 +92,11 @@ def changed_model(model: Model, plant: PlantKind) -> Model:
                 "through mecanum_env.simulator, or remove it from the model file"
             )
         if effect.change_model is not None and effect.acts_in(plant):
-            acts_elsewhere = effect.change_drive is not None or effect.change_spec is not None
-            left = {n: kept for n, kept in changed.effects.items() if acts_elsewhere or n != effect.name}
             with _named(effect):
-                changed = replace(effect.change_model(changed, values), effects=left)
+                changed = effect.change_model(changed, values)
+            if effect.change_drive is None and effect.change_spec is None:
+                left = {name: kept for name, kept in changed.effects.items() if name != effect.name}
+                changed = replace(changed, effects=left)
     return changed
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -27,7 +27,6 @@ from mecanum_env.kinematics import WHEELS
 from mecanum_env.model import Model, Robot, cause_of
 from mecanum_env.units import RAD_S_PER_RPM
 from mecanum_env.wheel_drive.drive import DriveParameters
-from mecanum_env.wheel_drive.wheel_load import WheelLoad
 
 if TYPE_CHECKING:
     import mujoco
@@ -109,27 +108,31 @@ def _damped_body(body: PlanarBody, values: Values) -> PlanarBody:
     return replace(body, wheel_damping_n_m_s_rad=damping)
 
 
-def _loads(load: Callable[[WheelLoad, Values], WheelLoad]) -> ChangeDrive:
-    """Return the change of a drive by a friction; of several frictions the longest answer counts."""
+def _loads(numbers_of: Callable[[Values], Mapping[str, float]]) -> ChangeDrive:
+    """Return the change of a drive by a friction, given the numbers of its load that are the friction's.
+
+    Of several frictions the longest answer counts.
+    """
 
     def change(drive: DriveParameters, values: Values, _wheel: str | None) -> DriveParameters:
-        changed = load(drive.load, values)
-        return replace(drive, load=replace(changed, answer_s=max(changed.answer_s, values["answer_s"])))
+        load = drive.load
+        numbers: dict[str, Any] = {**numbers_of(values), "answer_s": max(load.answer_s, values["answer_s"])}
+        return replace(drive, load=replace(load, **numbers))
 
     return change
 
 
-def _coulomb(load: WheelLoad, values: Values) -> WheelLoad:
-    return replace(load, coulomb_n_m=values["torque_n_m"])
+def _coulomb(values: Values) -> dict[str, float]:
+    return {"coulomb_n_m": values["torque_n_m"]}
 
 
-def _stiction(load: WheelLoad, values: Values) -> WheelLoad:
+def _stiction(values: Values) -> dict[str, float]:
     speed = values["stribeck_rpm"] * RAD_S_PER_RPM
-    return replace(load, breakaway_n_m=values["breakaway_n_m"], stribeck_rad_s=speed)
+    return {"breakaway_n_m": values["breakaway_n_m"], "stribeck_rad_s": speed}
 
 
-def _viscous(load: WheelLoad, values: Values) -> WheelLoad:
-    return replace(load, viscous_n_m_s_rad=values["damping_n_m_s_rad"])
+def _viscous(values: Values) -> dict[str, float]:
+    return {"viscous_n_m_s_rad": values["damping_n_m_s_rad"]}
 
 
 def _washed_out(model: Model, values: Values) -> Model:

@@ -177,7 +177,17 @@ def wheel_numbers(
 
     `wheel_name`, `quantum_rpm`, `torque_limit_n_m` and `inertia_kg_m2` are as for `set_wheel_parameters`.
     """
-    robot, drive = model.robot, drive_parameters(model, wheel_name)
+    drive = drive_parameters(model, wheel_name)
+    return _numbers(model.robot, drive, quantum_rpm, torque_limit_n_m, inertia_kg_m2)
+
+
+def _numbers(
+    robot: Robot,
+    drive: DriveParameters,
+    quantum_rpm: float | None,
+    torque_limit_n_m: float | None,
+    inertia_kg_m2: float,
+) -> WheelNumbers:
     user = userdata(robot, drive, torque_limit_n_m)
     user[_INERTIA] = inertia_kg_m2 + user[_ROTOR]
     return WheelNumbers(dynprm(drive, quantum_rpm), robot.servo_n_m_s_rad, user)
@@ -193,7 +203,14 @@ def chain_parameters(
 
     `model`, `wheel_name`, `torque_limit_n_m` and `inertia_kg_m2` are as for `set_wheel_parameters`.
     """
-    numbers = wheel_numbers(model, wheel_name, None, torque_limit_n_m, inertia_kg_m2)
+    return chain_numbers(model.robot, drive_parameters(model, wheel_name), torque_limit_n_m, inertia_kg_m2)
+
+
+def chain_numbers(
+    robot: Robot, drive: DriveParameters, torque_limit_n_m: float | None = None, inertia_kg_m2: float = 0.0
+) -> FloatArray:
+    """Return what `chain_parameters` does, of the `drive` of a wheel of a `robot`."""
+    numbers = _numbers(robot, drive, None, torque_limit_n_m, inertia_kg_m2)
     programs = np.zeros(len(PROGRAMS) * PROGRAM_SIZE)
     written = numbers.user[FIRST_PROGRAM:]
     programs[: len(written)] = written

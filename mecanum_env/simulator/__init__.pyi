@@ -1,5 +1,6 @@
-from .bench import compile_bench, replay_bench
+from .bench import replay_bench
 from .commands import SCRIPTS, BodyCommands, Commands, WheelCommands, read_commands, scripted
+from .free_wheel import compile_bench
 from .robot import RobotPlant, RobotSession, compile_plant, drive, plant_spec
 from .trajectory import SimulationDivergedError, Trajectory, step_through
 

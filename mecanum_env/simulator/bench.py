@@ -8,28 +8,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
-from typing import Final
 
 import mujoco
 import numpy as np
 
-from mecanum_env.effects.apply import active_effects, changed_model, drive_parameters, measured
+from mecanum_env.effects.apply import drive_parameters, measured
 from mecanum_env.errors import InputError
-from mecanum_env.mjcf import bench_spec
-from mecanum_env.mjcf.physics import fitting_timestep, wheel_inertia
 from mecanum_env.model import Model
-from mecanum_env.plugin.layout import NO_TORQUE_LIMIT, chain_parameters, set_steady
-from mecanum_env.plugin.library import HeldCommands, free_wheels, refusal
-from mecanum_env.simulator.commands import hold
+from mecanum_env.simulator.free_wheel import (
+    BenchRun,
+    BenchRuns,
+    FreeWheel,
+    held_command,
+    mujoco_bench_motion,
+    wheel_motions,
+)
 from mecanum_env.simulator.supply import Supply
-from mecanum_env.simulator.trajectory import diverged, step_through
-from mecanum_env.units import RAD_S_PER_RPM, FloatArray
+from mecanum_env.units import FloatArray
 from mecanum_env.wheel_drive.inputs import simulate_drive
-from mecanum_env.wheel_drive.parameters import CHAIN
-
-_INERTIA: Final = CHAIN.index("inertia_kg_m2")
 
 
 def replay_bench(
@@ -102,24 +98,6 @@ def bench_motion(
     return bench_motions([model], [run], wheel=wheel, timestep_s=timestep_s)[0][0]
 
 
-@dataclass(frozen=True, eq=False)
-class BenchRun:
-    """Commands to replay on the bench, as for `bench_motion`."""
-
-    time_s: FloatArray
-    command_rpm: FloatArray
-    duration_s: float
-    initial_rpm: float = 0.0
-    supply: Supply | None = None
-    """The supply's voltage; None: it stays what it is at the start."""
-
-    @cached_property
-    def given(self) -> tuple[FloatArray, FloatArray, float]:
-        """Commands that are no missing samples: times since the start [s], commands, initial speed [rpm]."""
-        given = ~np.isnan(self.command_rpm)
-        return self.time_s[given] - self.time_s[0], self.command_rpm[given], self.initial_rpm
-
-
 def bench_motions(
     models: Sequence[Model],
     runs: Sequence[BenchRun],
@@ -136,94 +114,7 @@ def bench_motions(
         InputError: as `bench_motion`.
         SimulationDivergedError: the state of any wheel stopped being finite.
     """
-    found: dict[int, list[tuple[FloatArray, FloatArray]]] = {}
-    alike: dict[float, list[int]] = {}
-    wheels = [_free_wheel(model, wheel, timestep_s) for model in models]
-    for index, one in enumerate(wheels):
-        if one.mj_model is None:
-            alike.setdefault(one.timestep_s, []).append(index)
-        else:
-            found[index] = [mujoco_bench_motion(one.mj_model, run) for run in runs]
-    for step, members in alike.items():
-        steps = np.array([_steps(run.duration_s, step) for run in runs])
-        clock: FloatArray = step * np.arange(int(np.max(steps)) + 1, dtype=np.float64)
-        speeds, reached = free_wheels(
-            np.stack([wheels[i].parameters for i in members]),
-            np.array([(wheels[i].inertia_kg_m2, wheels[i].damping_n_m_s_rad) for i in members]),
-            step,
-            HeldCommands.of([run.given for run in runs]),
-            steps,
-            _lost_voltages(runs, [clock[:n] for n in steps]),
-        )
-        if np.any(reached < steps):
-            raise diverged(float(np.min(reached[reached < steps])) * step)
-        ends = np.cumsum(steps + 1)
-        for i, row in zip(members, speeds, strict=True):
-            parts = np.split(row, ends[:-1])
-            found[i] = [(clock[: part.size], part) for part in parts]
-    return [found[index] for index in range(len(models))]
-
-
-def _lost_voltages(runs: Sequence[BenchRun], clocks_s: Sequence[FloatArray]) -> FloatArray | None:
-    """Return what the supplies of runs have lost at times (n,) of each, run after run; None if nothing."""
-    if all(run.supply is None for run in runs):
-        return None
-    parts = (
-        np.zeros(clock.size) if run.supply is None else run.supply.lost_at(clock)
-        for run, clock in zip(runs, clocks_s, strict=True)
-    )
-    return np.concatenate(list(parts))
-
-
-def mujoco_bench_motion(mj_model: mujoco.MjModel, run: BenchRun) -> tuple[FloatArray, FloatArray]:
-    """Return what `bench_motion` does in a run, simulated by MuJoCo on a compiled bench `mj_model`.
-
-    Raises:
-        SimulationDivergedError: the state stopped being finite.
-    """
-    step = mj_model.opt.timestep
-    clock = np.arange(_steps(run.duration_s, step) + 1) * step
-    ctrl = _held_command(run.time_s, run.command_rpm, clock, run.initial_rpm)
-    data = mujoco.MjData(mj_model)
-    if run.initial_rpm != 0.0:
-        set_steady(mj_model, data, run.initial_rpm)
-        data.qvel[:] = run.initial_rpm * RAD_S_PER_RPM
-    lost = None if run.supply is None else run.supply.lost_at(clock[:-1])
-    _, qvel = step_through(mj_model, data, ctrl[:, None], lost_v=lost)
-    return clock, qvel[:, 0] / RAD_S_PER_RPM
-
-
-@dataclass(frozen=True, eq=False)
-class _FreeWheel:
-    """A wheel on the bench as numbers, or as a MuJoCo model where an effect needs that."""
-
-    timestep_s: float
-    parameters: FloatArray
-    """In the order of `mecanum_env.wheel_drive.parameters.CHAIN`, shape (P,)."""
-    inertia_kg_m2: float
-    damping_n_m_s_rad: float
-    mj_model: mujoco.MjModel | None = None
-
-
-def _free_wheel(model: Model, wheel: str | None, timestep_s: float | None) -> _FreeWheel:
-    changed = changed_model(model, "bench")
-    step, damping, mj_model = fitting_timestep(changed, timestep_s), 0.0, None
-    for effect, values in active_effects(changed):
-        if effect.change_spec is not None and effect.acts_in("bench"):
-            if effect.load is None:
-                mj_model = compile_bench(model, wheel, timestep_s)
-            else:
-                damping += effect.load(values).damping_n_m_s_rad
-    inertia = wheel_inertia(changed.robot)
-    parameters = chain_parameters(changed, wheel, NO_TORQUE_LIMIT, inertia)
-    if why := refusal(parameters, step):
-        raise InputError(f"the bench: {why}")
-    # The drive feeds forward the inertia that it turns, its rotor's included.
-    return _FreeWheel(step, parameters, float(parameters[_INERTIA]), damping, mj_model)
-
-
-def _steps(duration_s: float, timestep_s: float) -> int:
-    return max(1, math.ceil(duration_s / timestep_s - 1e-9))
+    return wheel_motions([FreeWheel.of(model, wheel, timestep_s) for model in models], BenchRuns(runs))
 
 
 def law_of_bench(
@@ -239,27 +130,10 @@ def law_of_bench(
     `clock_s` are the times 0, h, 2 h ... since the start, shape (m,); commands, initial speed and `wheel`
     are those of `replay_bench`.
     """
-    held = _held_command(time_s, command_rpm, clock_s, initial_rpm)
+    held = held_command(time_s, command_rpm, clock_s, initial_rpm)
     timestep_s = float(clock_s[1] - clock_s[0])
     setpoints = simulate_drive(drive_parameters(model, wheel), held, timestep_s, initial_rpm)
     return np.concatenate([[initial_rpm], setpoints])
-
-
-def compile_bench(model: Model, wheel: str | None = None, timestep_s: float | None = None) -> mujoco.MjModel:
-    """Compile the one-wheel model, without what is only seen.
-
-    The law is that of the wheel fl, fr, rl or rr, by default the common one. `timestep_s` is the upper bound
-    of the physics step [s], 1/480 s when None.
-    """
-    return bench_spec(model, timestep_s, wheel=wheel, visuals=False).compile()
-
-
-def _held_command(
-    time_s: FloatArray, command_rpm: FloatArray, clock_s: FloatArray, initial_rpm: float
-) -> FloatArray:
-    """Return the command held in each step of the clock; a missing sample leaves the previous one."""
-    given = ~np.isnan(command_rpm)
-    return hold(time_s[given] - time_s[0], command_rpm[given], clock_s[:-1], before=initial_rpm)
 
 
 def _check_log(

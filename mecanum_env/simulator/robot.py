@@ -66,6 +66,7 @@ def drive(
     mj_model: mujoco.MjModel | None = None,
     stance: FloatArray | None = None,
     supply: Supply | None = None,
+    data: mujoco.MjData | None = None,
 ) -> Trajectory:
     """Drive the robot from rest at the origin through commands and return every physics step.
 
@@ -78,6 +79,7 @@ def drive(
         mj_model: the result of `compile_plant` with the same arguments, to save compiling.
         stance: `standing` of the compiled model, to save settling on the floor, or to turn the wheels.
         supply: the supply's voltage; by default it stays what it is at the start.
+        data: what to simulate in, of the compiled model and in any state, to save making it.
 
     Raises:
         InputError: an effect that the plant cannot simulate, or a duration that is not a number above 0.
@@ -86,7 +88,7 @@ def drive(
     if not (math.isfinite(duration_s) and duration_s > 0.0):
         raise InputError(f"duration_s = {duration_s}, must be a number of seconds above 0")
     compiled = compile_plant(model, plant, timestep_s) if mj_model is None else mj_model
-    data = at_rest(compiled, stance=stance)
+    data = at_rest(compiled, stance=stance, data=data)
     step = compiled.opt.timestep
     size = duration_s / step * (compiled.nq + compiled.nv) * 8.0
     if size > _MOST_BYTES:
@@ -105,13 +107,20 @@ def drive(
 
 
 def at_rest(
-    mj_model: mujoco.MjModel, turned_rad: Sequence[float] = (), stance: FloatArray | None = None
+    mj_model: mujoco.MjModel,
+    turned_rad: Sequence[float] = (),
+    stance: FloatArray | None = None,
+    data: mujoco.MjData | None = None,
 ) -> mujoco.MjData:
     """Return data in which the robot, or another model, stands still, drives at rest, at time 0.
 
     It has the positions of a `stance`, shape (nq,); None: those of `standing`, with `turned_rad` as there.
+    It is the `data` given, which are reset; new ones by default.
     """
-    data = mujoco.MjData(mj_model)
+    if data is None:
+        data = mujoco.MjData(mj_model)
+    else:
+        mujoco.mj_resetData(mj_model, data)
     data.qpos[:] = standing(mj_model, turned_rad) if stance is None else stance
     mujoco.mj_forward(mj_model, data)
     return data

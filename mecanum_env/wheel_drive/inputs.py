@@ -18,7 +18,7 @@ for bit, and the drive for engines without plugins. Time counts in substeps n of
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -105,9 +105,12 @@ def law_inputs(
         start: number j of the first of the commands; earlier ones equal it.
     """
     total = np.zeros((*commands.received_rpm.shape[:-1], np.size(ticks)))
-    for share, command in _held(parameters, ticks, commands, latches, start):
-        total = total + share * command
-    return total
+    return _mean(total, _held(parameters, ticks, commands, latches, start))
+
+
+def _mean(start: FloatArray, held: Iterable[tuple[FloatArray, FloatArray]]) -> FloatArray:
+    """Return the sum of a start, 0, and of all commands that are `held`, each times its share of a tick."""
+    return sum((share * command for share, command in held), start=start)
 
 
 def ramped_inputs(
@@ -128,10 +131,10 @@ def ramped_inputs(
     """
     limits = parameters.ramp_limits
     held = list(_held(parameters, ticks, commands, latches, start))
-    if not limits.act:
-        inputs = law_inputs(parameters, ticks, commands, latches, start)
-        return inputs, Ramp.steady(held[-1][1][..., -1]) if inputs.shape[-1] else ramp
     inputs = np.zeros((*commands.received_rpm.shape[:-1], np.size(ticks)))
+    if not limits.act:
+        inputs = _mean(inputs, held)
+        return inputs, Ramp.steady(held[-1][1][..., -1]) if inputs.shape[-1] else ramp
     for k in range(inputs.shape[-1]):
         for shares, command in held:
             ramp, contribution = limits.moved(ramp, command[..., k], shares[..., k])
@@ -227,32 +230,65 @@ def latched_commands(
     n_ticks: int,
     initial_rpm: float = 0.0,
 ) -> FloatArray:
-    """Return the law's inputs r(k) [rpm], shape (n_ticks,), for a logged command.
-
-    The run of `n_ticks` law ticks starts at the first of the increasing times [s], shape (N,). Each command
-    [rpm], shape (N,), is held until the next one. NaN is a missing sample: the previous command holds on, or,
-    before the first one, the steady command before the run, `initial_rpm`.
+    """Return the law's inputs r(k) [rpm], shape (n_ticks,), for a logged command, as for `LatchedLog.of`.
 
     Raises:
         InputError: an empty log, arrays of different shapes, or a custom effect as for `simulate_drive`.
     """
-    require_open_loop(parameters)
-    time, command = np.asarray(time_s, float), np.asarray(command_rpm, float)
-    if time.ndim != 1 or time.shape != command.shape or time.size == 0:
-        raise InputError(
-            f"time of shape {time.shape}, command of shape {command.shape}; must be one equal length"
-        )
-    tau, period = parameters.law.sample_period_s, parameters.command_period_s
-    given = ~np.isnan(command)
-    # Latch j takes the last command given by j T; index 0 stands for "none yet".
-    count = math.floor(max(n_ticks - 1, 0) * tau / period + EPS) + 1
-    index = np.searchsorted(time[given] - time[0], np.arange(count) * period + EPS * period, side="right")
-    sent, before = np.concatenate([[initial_rpm], command[given]])[index], Latched.steady(initial_rpm)
-    commands = latched(parameters, sent, 0, before)
-    # The steady command before the first one is that behind all effects.
-    steady = np.concatenate([[True], index == 0])
-    commands = replace(commands, received_rpm=np.where(steady, initial_rpm, commands.received_rpm))
-    return ramped_inputs(parameters, np.arange(n_ticks), commands, count, -1, Ramp.steady(initial_rpm))[0]
+    return LatchedLog.of(parameters, time_s, command_rpm, n_ticks, initial_rpm).inputs(parameters)
+
+
+@dataclass(frozen=True, eq=False)
+class LatchedLog:
+    """What a drive latches of a logged command."""
+
+    commands: Latched
+    """The steady command before the run, and those at the `latches` of the run, shape (latches + 1,)."""
+    latches: int
+    n_ticks: int
+    initial_rpm: float
+
+    @classmethod
+    def of(
+        cls,
+        parameters: DriveParameters,
+        time_s: npt.ArrayLike,
+        command_rpm: npt.ArrayLike,
+        n_ticks: int,
+        initial_rpm: float = 0.0,
+    ) -> LatchedLog:
+        """Return what a drive latches of a log.
+
+        The run of `n_ticks` law ticks starts at the first of the increasing times [s], shape (N,). Each
+        command [rpm], shape (N,), is held until the next one. NaN is a missing sample: the previous command
+        holds on, or, before the first one, the steady command before the run, `initial_rpm`.
+
+        Raises:
+            InputError: as for `latched_commands`.
+        """
+        require_open_loop(parameters)
+        time, command = np.asarray(time_s, float), np.asarray(command_rpm, float)
+        if time.ndim != 1 or time.shape != command.shape or time.size == 0:
+            raise InputError(
+                f"time of shape {time.shape}, command of shape {command.shape}; must be one equal length"
+            )
+        tau, period = parameters.law.sample_period_s, parameters.command_period_s
+        given = ~np.isnan(command)
+        # Latch j takes the last command given by j T; index 0 stands for "none yet".
+        count = math.floor(max(n_ticks - 1, 0) * tau / period + EPS) + 1
+        due = np.arange(count) * period + EPS * period
+        index = np.searchsorted(time[given] - time[0], due, side="right")
+        sent, before = np.concatenate([[initial_rpm], command[given]])[index], Latched.steady(initial_rpm)
+        commands = latched(parameters, sent, 0, before)
+        # The steady command before the first one is that behind all effects.
+        steady = np.concatenate([[True], index == 0])
+        commands = replace(commands, received_rpm=np.where(steady, initial_rpm, commands.received_rpm))
+        return cls(commands, count, n_ticks, initial_rpm)
+
+    def inputs(self, parameters: DriveParameters) -> FloatArray:
+        """Return the law's inputs r(k) [rpm], shape (n_ticks,), of a drive that latches these commands."""
+        ticks, ramp = np.arange(self.n_ticks), Ramp.steady(self.initial_rpm)
+        return ramped_inputs(parameters, ticks, self.commands, self.latches, -1, ramp)[0]
 
 
 def _first_substeps(period: float, times: FloatArray) -> npt.NDArray[np.intp]:

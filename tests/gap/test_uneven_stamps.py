@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,10 +9,10 @@ import pytest
 
 import sysid.compare.predicted.simulator as simulator
 from mecanum_env.model import Model
-from mecanum_env.simulator.bench import BenchRun
+from mecanum_env.simulator.free_wheel import BenchRun, BenchRuns, FreeWheel
 from sysid.compare.measured import observe
 from sysid.compare.noise import measure_noise
-from sysid.compare.predicted import SimulationSettings, Simulator
+from sysid.compare.predicted import Simulator
 from sysid.compare.predicted.prediction import Motion
 from sysid.gap.result import GapOptions
 from sysid.gap.workflow import analyse
@@ -69,9 +68,9 @@ def test_repeats_are_simulated_once(
 ) -> None:
     simulated: list[BenchRun] = []
 
-    def counted(model: Model, runs: Sequence[BenchRun], settings: SimulationSettings) -> list[Motion]:
-        simulated.extend(runs)
-        return bench_motions_of(model, runs, settings)
+    def counted(wheel: FreeWheel, runs: BenchRuns) -> list[Motion]:
+        simulated.extend(runs.runs)
+        return bench_motions_of(wheel, runs)
 
     bench_motions_of = simulator.bench_motions_of
     monkeypatch.setattr(simulator, "bench_motions_of", counted)

@@ -12,7 +12,7 @@ from mecanum_env.errors import InputError
 from mecanum_env.model import paper_model
 from mecanum_env.plugin.layout import STATE_SIZE, drive_state, set_steady
 from mecanum_env.wheel_drive.drive import RING, DriveParameters, shaped_command
-from mecanum_env.wheel_drive.inputs import latched_commands, simulate_drive
+from mecanum_env.wheel_drive.inputs import LatchedLog, latched_commands, simulate_drive
 from mecanum_env.wheel_drive.parameters import USER
 from mecanum_env.wheel_drive.shaping import rounded
 
@@ -49,6 +49,13 @@ def test_a_delay_of_whole_ticks_shifts_the_input(parameters, ticks):
     late = replace(parameters, delay_s=ticks / 120)
     expected = np.concatenate([np.zeros(ticks), latched_commands(parameters, times, u, 240)[:-ticks]])
     np.testing.assert_allclose(latched_commands(late, times, u, 240), expected, rtol=0.0, atol=1e-6)
+
+
+@given(seed=seeds, delay_s=delays)
+def test_what_is_latched_once_serves_every_delay(seed, delay_s):
+    u, times, late = commands(seed), np.arange(20) * 0.1, replace(PAPER, delay_s=delay_s)
+    log = LatchedLog.of(PAPER, times, u, 240, 30.0)
+    np.testing.assert_array_equal(log.inputs(late), latched_commands(late, times, u, 240, 30.0))
 
 
 @given(seed=seeds, ticks=st.integers(0, 40), part=st.floats(0.0, 1.0))

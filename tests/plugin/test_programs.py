@@ -10,7 +10,8 @@ from mecanum_env.errors import InputError
 from mecanum_env.model import CustomEffect, CustomTable
 from mecanum_env.plugin.layout import FIRST_PROGRAM, USER_SIZE, drive_state, require_valid, write_parameters
 from mecanum_env.plugin.library import evaluate_program
-from mecanum_env.simulator.bench import BenchRun, bench_motion, compile_bench, mujoco_bench_motion
+from mecanum_env.simulator.bench import bench_motion
+from mecanum_env.simulator.free_wheel import BenchRun, compile_bench, mujoco_bench_motion
 from mecanum_env.units import RAD_S_PER_RPM
 from mecanum_env.wheel_drive.formula import compile_formula
 from mecanum_env.wheel_drive.program import CODES, INPUTS, PROGRAM_SIZE, evaluate, table_program

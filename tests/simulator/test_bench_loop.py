@@ -14,14 +14,9 @@ from mecanum_env.mjcf.physics import wheel_inertia
 from mecanum_env.model import paper_model
 from mecanum_env.plugin.layout import NO_TORQUE_LIMIT, chain_parameters
 from mecanum_env.plugin.library import parameter_names
-from mecanum_env.simulator.bench import (
-    BenchRun,
-    bench_motions,
-    compile_bench,
-    mujoco_bench_motion,
-    replay_bench,
-)
+from mecanum_env.simulator.bench import bench_motions, replay_bench
 from mecanum_env.simulator.commands import hold
+from mecanum_env.simulator.free_wheel import BenchRun, compile_bench, mujoco_bench_motion
 from mecanum_env.simulator.supply import Supply
 from mecanum_env.simulator.trajectory import SimulationDivergedError
 from mecanum_env.wheel_drive.drive import longest_delay_s

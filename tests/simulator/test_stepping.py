@@ -38,6 +38,23 @@ def test_it_steps_as_mj_step_does_and_goes_on(robot):
     np.testing.assert_array_equal(qpos[-1], theirs.qpos)
 
 
+def test_data_that_were_driven_are_as_new_once_at_rest(robot):
+    ctrl = np.random.default_rng(2).uniform(-80, 80, (30, 4))
+    fresh, used = at_rest(robot), at_rest(robot)
+    step_through(robot, used, -ctrl)
+    assert at_rest(robot, data=used) is used
+    for one, other in zip(step_through(robot, fresh, ctrl), step_through(robot, used, ctrl), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_mujoco_times_its_own_steps_again_after_a_drive(robot):
+    data, timer = at_rest(robot), int(mujoco.mjtTimer.mjTIMER_STEP)
+    step_through(robot, data, np.zeros((5, 4)))
+    assert data.timer[timer].duration == 0.0
+    mujoco.mj_step(robot, data)
+    assert data.timer[timer].duration > 0.0
+
+
 def test_at_rest_is_the_origin_at_time_zero(robot):
     data = at_rest(robot)
     assert data.time == 0

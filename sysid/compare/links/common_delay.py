@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -46,7 +47,7 @@ class CommonDelay:
         """Return the common delay and the spread of greatest `likelihood`."""
         if not len(likelihood):
             return cls(0.0, 0.0)
-        tried = [(_marginal(likelihood, spread), spread) for spread in _SPREADS_S]
+        tried = zip(_marginal(likelihood, _SPREADS_S), _SPREADS_S, strict=True)
         best, spread = max(tried, key=lambda pair: float(pair[0].max()))
         return cls(float(GRID_S[int(np.argmax(best))]), spread)
 
@@ -69,11 +70,11 @@ def evidence(likelihood: FloatArray) -> float:
     """Return twice the log `likelihood` ratio of a spread to none, less the price of a parameter."""
     if len(likelihood) < FEWEST:
         return 0.0
-    without = float(_marginal(likelihood, 0.0).max())
-    with_spread = max(float(_marginal(likelihood, spread).max()) for spread in _SPREADS_S[1:])
-    return 2.0 * (with_spread - without) - math.log(len(likelihood))
+    without, *with_spread = (float(total.max()) for total in _marginal(likelihood, _SPREADS_S))
+    return 2.0 * (max(with_spread) - without) - math.log(len(likelihood))
 
 
+@lru_cache(maxsize=64)
 def student_weights(scale_s: float) -> FloatArray:
     """Return the probability of each delay of the grid (columns) for each common delay (rows).
 
@@ -89,11 +90,12 @@ def _prior(spread_s: float) -> FloatArray:
     return np.eye(GRID_S.size) if spread_s == 0.0 else student_weights(spread_s)
 
 
-def _marginal(likelihood: FloatArray, spread_s: float) -> FloatArray:
-    """Return the logarithm of the likelihood of all changes for each common delay, for a spread."""
+def _marginal(likelihood: FloatArray, spreads_s: Sequence[float]) -> list[FloatArray]:
+    """Return the logarithm of the likelihood of all changes for each common delay, for each spread."""
     top = likelihood.max(axis=1, keepdims=True)
-    together = np.exp(likelihood - top) @ _prior(spread_s).T
-    return np.asarray((np.log(np.maximum(together, 1e-300)) + top).sum(axis=0))
+    scaled = np.exp(likelihood - top)
+    together = (scaled @ _prior(spread).T for spread in spreads_s)
+    return [np.asarray((np.log(np.maximum(one, 1e-300)) + top).sum(axis=0)) for one in together]
 
 
 def without_trend(likelihood: FloatArray, changes: Sequence[Change]) -> FloatArray:

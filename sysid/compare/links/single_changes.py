@@ -16,7 +16,8 @@ import numpy.typing as npt
 
 from mecanum_env.effects.apply import drive_parameters
 from mecanum_env.model import Model
-from mecanum_env.simulator.bench import BenchRun, bench_motions
+from mecanum_env.simulator.bench import bench_motions
+from mecanum_env.simulator.free_wheel import BenchRun
 from mecanum_env.statistics import MEDIAN_OF_NORMAL
 from mecanum_env.units import FloatArray
 from mecanum_env.wheel_drive.drive import shaped_command

@@ -101,11 +101,12 @@ class Block:
         """Degrees of freedom of `repeat_squares`."""
         return int(np.isfinite(self.deviations).sum()) - self.sample_times_s.size
 
-    def of(self, run: Run, channels: Channels) -> FloatArray:
-        """Return what corresponds to `value` in a run's predicted channels, shape (m,)."""
+    def of(self, compared: Channels) -> FloatArray:
+        """Return what corresponds to `value` in predicted channels `as_compared`, shape (m,)."""
+        values = compared[self.channel]
         if self.channel in POSE:
-            return displacements(run.time_s, channels)[self.channel][1][self.rows[:, 0]]
-        return _means(channels[self.channel][self.rows], self.row_weights)
+            return values[self.rows[:, 0]]
+        return _means(values[self.rows], self.row_weights)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +121,14 @@ class Observations:
         """Names of the channels, in the order of a log's columns."""
         present = {block.channel for block in self.blocks}
         return tuple(name for name in UNITS if name in present)
+
+    def predicted(self, channels: Sequence[Channels]) -> list[FloatArray]:
+        """Return what corresponds to each block's `value` in the predicted channels of each situation."""
+        compared = [
+            as_compared(situation.runs[0].time_s, shown)
+            for situation, shown in zip(self.situations, channels, strict=True)
+        ]
+        return [block.of(compared[block.situation]) for block in self.blocks]
 
 
 def observe(dataset: Dataset) -> Observations:
@@ -214,6 +223,14 @@ def _together(values: npt.NDArray[Any], size: int) -> npt.NDArray[Any]:
     """Return values (n,) in rows of `size`, the last one filled up with zeros."""
     rows = -(-values.size // size)
     return np.pad(values, (0, rows * size - values.size)).reshape(rows, size)
+
+
+def as_compared(time_s: FloatArray, channels: Channels) -> Channels:
+    """Return the channels of a run with its stamps, a pose as its displacement in each window."""
+    if not any(name in POSE for name in channels):
+        return channels
+    moved = displacements(time_s, channels)
+    return {**channels, **{name: values for name, (_, values) in moved.items()}}
 
 
 def displacements(time_s: FloatArray, channels: Channels) -> dict[str, tuple[FloatArray, FloatArray]]:

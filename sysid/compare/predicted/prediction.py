@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Final, TypeVar
 
 import mujoco
@@ -24,7 +25,8 @@ from mecanum_env.simulator import (
     compile_plant,
     drive,
 )
-from mecanum_env.simulator.bench import BenchRun, bench_motions
+from mecanum_env.simulator.free_wheel import BenchRun, BenchRuns, FreeWheel, wheel_motions
+from mecanum_env.simulator.robot import standing
 from mecanum_env.simulator.supply import Supply
 from mecanum_env.simulator.trajectory import CHANNELS
 from mecanum_env.units import FloatArray
@@ -74,7 +76,7 @@ class Motion:
         return replace(self, channels=sensors(self.time_s, self.channels))
 
 
-def compile_robot(model: Model, settings: SimulationSettings = SimulationSettings()) -> mujoco.MjModel:
+def compile_robot(model: Model, settings: SimulationSettings) -> mujoco.MjModel:
     """Compile the robot that `motion_of` simulates, without visuals and without computing its sensors.
 
     If the settings give no time step, the planar plant takes `TRAINING_TIMESTEP_S`, accurate enough there.
@@ -149,9 +151,9 @@ def _motions_of(
     if runs[0][0].level == "bench":
         period = model.wheel.command_period_s
         asked = [bench_run(run, start, period, supply_of(run)) for run, start in runs]
-        return bench_motions_of(model, asked, settings)
+        return bench_motions_of(FreeWheel.of(model, timestep_s=settings.timestep_s), BenchRuns(asked))
     by_voltage = follows_voltage(model)
-    compiled: dict[float, mujoco.MjModel] = {}
+    robots: dict[float, CompiledRobot] = {}
     motions: dict[Hashable, Motion] = {}
     found = []
     for run, start in runs:
@@ -161,9 +163,9 @@ def _motions_of(
         voltage = run.file if by_voltage and supply_of(run) else ""
         key = heading, start.moving, voltage, *(values.tobytes() for values in columns)
         if key not in motions:
-            if heading not in compiled:
-                compiled[heading] = compile_robot(local, settings)
-            motions[key] = robot_motion(local, run, start, compiled[heading])
+            if heading not in robots:
+                robots[heading] = CompiledRobot(local, settings)
+            motions[key] = robots[heading].motion(run, start)
         found.append(motions[key])
     return found
 
@@ -187,28 +189,49 @@ def bench_run(run: Run, start: Start, command_period_s: float, supply: Supply | 
     return BenchRun(since, run.command.wheels_rpm[:, 0], run.duration_s, start.initial_rpm, supply)
 
 
-def bench_motions_of(
-    model: Model, runs: Sequence[BenchRun], settings: SimulationSettings = SimulationSettings()
-) -> list[Motion]:
-    """Return `motion_of` a model in each of the `runs`, simulated together."""
-    (found,) = bench_motions([model], runs, timestep_s=settings.timestep_s)
+def bench_motions_of(wheel: FreeWheel, runs: BenchRuns) -> list[Motion]:
+    """Return `motion_of` a free wheel in each of the `runs`, simulated together.
+
+    Raises:
+        SimulationDivergedError: the state stopped being finite.
+    """
+    (found,) = wheel_motions([wheel], runs)
     return [Motion(clock, {"speed_rpm": speed}) for clock, speed in found]
 
 
-def robot_motion(
-    model: Model, run: Run, start: Start, mj_model: mujoco.MjModel, stance: FloatArray | None = None
-) -> Motion:
-    """Return `motion_of` a robot that is `in_run_frame`, given `compile_robot` of it and how it stands.
+class CompiledRobot:
+    """A robot that is `in_run_frame`, compiled once to be driven through several runs, one after another."""
 
-    The `stance` is `mecanum_env.simulator.robot.standing`; by default it is found here.
-    """
-    lead = _LEAD_S if start.moving else 0.0
-    commands = commands_of(run, model.wheel.command_period_s, lead)
-    supply = supply_of(run) if follows_voltage(model) else None
-    supply = supply and supply.later(lead)
-    path = drive(model, commands, run.duration_s + lead, mj_model=mj_model, stance=stance, supply=supply)
-    columns = (*path.wheels_rpm.T, *path.twist.T, *path.pose.T)
-    return Motion(path.time_s, dict(zip(CHANNELS, columns, strict=True)), lead)
+    def __init__(self, model: Model, settings: SimulationSettings) -> None:
+        self._model, self._compiled = model, compile_robot(model, settings)
+        self._data = mujoco.MjData(self._compiled)
+        self._stances: dict[tuple[float, ...], FloatArray] = {}
+
+    @cached_property
+    def _follows_voltage(self) -> bool:
+        return follows_voltage(self._model)
+
+    def motion(self, run: Run, start: Start, wheel_angles_rad: tuple[float, ...] = ()) -> Motion:
+        """Return `motion_of` the robot in a run that it starts with wheels at some angles [rad], 0 if none.
+
+        Raises:
+            SimulationDivergedError: the state stopped being finite.
+        """
+        if wheel_angles_rad not in self._stances:
+            self._stances[wheel_angles_rad] = standing(self._compiled, wheel_angles_rad)
+        lead = _LEAD_S if start.moving else 0.0
+        supply = supply_of(run)
+        path = drive(
+            self._model,
+            commands_of(run, self._model.wheel.command_period_s, lead),
+            run.duration_s + lead,
+            mj_model=self._compiled,
+            stance=self._stances[wheel_angles_rad],
+            supply=supply.later(lead) if supply is not None and self._follows_voltage else None,
+            data=self._data,
+        )
+        columns = (*path.wheels_rpm.T, *path.twist.T, *path.pose.T)
+        return Motion(path.time_s, dict(zip(CHANNELS, columns, strict=True)), lead)
 
 
 def readings(motion: Motion, run: Run, start: Start) -> dict[str, FloatArray]:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from threading import Lock
-from typing import Any, Final, TypeVar, cast
+from typing import Final, TypeVar
 
 import mujoco
 import numpy as np
@@ -16,20 +16,18 @@ import numpy as np
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.effects.apply import sensors_of, without_sensors
 from mecanum_env.model import Model
-from mecanum_env.simulator.bench import BenchRun
-from mecanum_env.simulator.robot import standing
+from mecanum_env.simulator.free_wheel import FreeWheel
 from mecanum_env.units import FloatArray
-from sysid.compare.measured import Observations, Situation
+from sysid.compare.measured import Observations
+from sysid.compare.predicted.groups import Alike, Groups
 from sysid.compare.predicted.prediction import (
+    CompiledRobot,
     Motion,
     SimulationSettings,
     bench_motions_of,
-    bench_run,
-    compile_robot,
     follows_voltage,
     in_run_frame,
     readings,
-    robot_motion,
     supply_of,
 )
 
@@ -67,7 +65,7 @@ class Simulator:
         self.settings = settings or SimulationSettings()
         self._motions: OrderedDict[Hashable, list[Motion]] = OrderedDict()
         self._predictions: OrderedDict[Hashable, list[FloatArray]] = OrderedDict()
-        self._groups: dict[tuple[float, bool, bool], list[_Alike]] = {}
+        self._groups: dict[tuple[float, bool, bool], Groups] = {}
         self._lock = Lock()
 
     def predictions(self, model: Model) -> list[FloatArray]:
@@ -77,22 +75,27 @@ class Simulator:
             InputError: an effect that cannot be simulated, or a value out of range.
             SimulationDivergedError: the state stopped being finite.
         """
-        return self._remembered(self._predictions, model, self._predict, self._predictions_kept)
+        key = model_key(model)
+        return self._remembered(
+            self._predictions, key, lambda: self._predict(model, key), self._predictions_kept
+        )
 
-    def _predict(self, model: Model) -> list[FloatArray]:
+    def _predict(self, model: Model, key: Hashable) -> list[FloatArray]:
         situations = self.observations.situations
         alone, sensors = without_sensors(model), sensors_of(model)
-        motions = self._remembered(self._motions, alone, self._simulate, _MOTIONS_KEPT)
+        motions = self._remembered(
+            self._motions,
+            key if alone is model else model_key(alone),
+            lambda: self._simulate(alone),
+            _MOTIONS_KEPT,
+        )
         # Situations with the same commands share a motion, which is seen once.
         seen = {id(motion): motion.seen_by(sensors) for motion in motions}
         channels = [
             readings(seen[id(motion)], situation.runs[0], situation.start)
             for situation, motion in zip(situations, motions, strict=True)
         ]
-        return [
-            block.of(situations[block.situation].runs[0], channels[block.situation])
-            for block in self.observations.blocks
-        ]
+        return self.observations.predicted(channels)
 
     @cached_property
     def _voltage_logged(self) -> bool:
@@ -106,15 +109,14 @@ class Simulator:
         return max(1, int(_PREDICTIONS_BYTES / (8 * values)))
 
     def _remembered(
-        self, kept: OrderedDict[Hashable, list[T]], model: Model, work: Callable[[Model], list[T]], most: int
+        self, kept: OrderedDict[Hashable, list[T]], key: Hashable, work: Callable[[], list[T]], most: int
     ) -> list[T]:
-        """Return the result of `work` on a model; it is `kept` for the latest `most` models."""
-        key = model_key(model)
+        """Return the result of `work`, which is `kept` for the latest `most` keys."""
         with self._lock:
             if key in kept:
                 kept.move_to_end(key)
                 return kept[key]
-        found = work(model)
+        found = work()
         with self._lock:
             kept[key] = found
             while len(kept) > most:
@@ -122,55 +124,35 @@ class Simulator:
         return found
 
     def _simulate(self, model: Model) -> list[Motion]:
+        if self.observations.situations[0].runs[0].level == "bench":
+            wheel = FreeWheel.of(model, timestep_s=self.settings.timestep_s)
+            groups = self._groups_of(model, by_voltage=self._voltage_logged and wheel.reads_voltage)
+            return groups.of_situations(bench_motions_of(wheel, groups.bench_runs))
         # A direction in the world makes the motion depend on where a run starts.
         by_heading = any(CATALOGUE[name].turned is not None for name in model.effects)
         by_voltage = self._voltage_logged and follows_voltage(model)
-        groups = self._alike(model.wheel.command_period_s, by_voltage, by_heading)
-        if self.observations.situations[0].runs[0].level == "bench":
-            found = bench_motions_of(model, [group.bench_run for group in groups], self.settings)
-        else:
-            found = self._robot_motions(model, groups, by_heading)
-        motions: dict[int, Motion] = {}
-        for group, motion in zip(groups, found, strict=True):
-            motions |= dict.fromkeys(group.members, motion)
-        return [motions[index] for index in range(len(motions))]
+        groups = self._groups_of(model, by_voltage=by_voltage, by_heading=by_heading)
+        return groups.of_situations(self._robot_motions(model, groups, by_heading))
 
-    def _alike(self, command_period_s: float, by_voltage: bool, by_heading: bool) -> list[_Alike]:
-        """Return the groups of situations that share a motion, each with the longest of them.
-
-        `by_voltage`: the motion depends on the supply's voltage as well. `by_heading`: seen from the robot,
-        it depends on where it heads when it starts.
-        """
-        key = command_period_s, by_voltage, by_heading
+    def _groups_of(self, model: Model, *, by_voltage: bool, by_heading: bool = False) -> Groups:
+        """Return the situations that share a motion of a model; see `Groups.of`."""
+        key = model.wheel.command_period_s, by_voltage, by_heading
         if key not in self._groups:
-            situations = self.observations.situations
-            alike: dict[Hashable, list[int]] = {}
-            for index, situation in enumerate(situations):
-                alike.setdefault(_motion_key(situation, *key), []).append(index)
-            self._groups[key] = [
-                _Alike(members, max((situations[i] for i in members), key=_duration_s), *key[:2])
-                for members in alike.values()
-            ]
+            self._groups[key] = Groups.of(self.observations.situations, *key)
         return self._groups[key]
 
-    def _robot_motions(self, model: Model, groups: Sequence[_Alike], by_heading: bool) -> list[Motion]:
-        compiled: dict[float, mujoco.MjModel] = {}
-        stances: dict[Hashable, FloatArray] = {}
+    def _robot_motions(self, model: Model, groups: Groups, by_heading: bool) -> list[Motion]:
+        robots: dict[float, CompiledRobot] = {}
         motions = []
-        for group in groups:
-            situation = group.longest
-            heading = situation.start.yaw_rad if by_heading else 0.0
-            local = in_run_frame(model, situation.start)
-            if heading not in compiled:
-                compiled[heading] = compile_robot(local, self.settings)
-            angles = self._wheel_angles(group)
-            if (heading, angles) not in stances:
-                stances[heading, angles] = standing(compiled[heading], angles)
-            stance = stances[heading, angles]
-            motions.append(robot_motion(local, situation.runs[0], situation.start, compiled[heading], stance))
+        for group in groups.groups:
+            run, start = group.longest.runs[0], group.longest.start
+            heading = start.yaw_rad if by_heading else 0.0
+            if heading not in robots:
+                robots[heading] = CompiledRobot(in_run_frame(model, start), self.settings)
+            motions.append(robots[heading].motion(run, start, self._wheel_angles(group)))
         return motions
 
-    def _wheel_angles(self, group: _Alike) -> tuple[float, ...]:
+    def _wheel_angles(self, group: Alike) -> tuple[float, ...]:
         """Return the initial angles of the four wheels [rad] in a group; none if they are 0."""
         if not self.wheel_angle_seed:
             return ()
@@ -178,59 +160,10 @@ class Simulator:
         return tuple(rng.uniform(0.0, 2.0 * np.pi, 4).tolist())
 
 
-@dataclass(frozen=True, eq=False)
-class _Alike:
-    """Situations that share a motion."""
-
-    members: Sequence[int]
-    longest: Situation
-    command_period_s: float
-    by_voltage: bool
-
-    @cached_property
-    def bench_run(self) -> BenchRun:
-        """The longest of them, if these are bench logs."""
-        run = self.longest.runs[0]
-        supply = supply_of(run) if self.by_voltage else None
-        return bench_run(run, self.longest.start, self.command_period_s, supply)
-
-
-def _duration_s(situation: Situation) -> float:
-    return situation.runs[0].duration_s
-
-
-def _motion_key(
-    situation: Situation, command_period_s: float, by_voltage: bool, by_heading: bool
-) -> Hashable:
-    """Return what a motion depends on; neither the times of the samples nor the place are part of it.
-
-    `by_voltage`: the supply's voltage is. `by_heading`: so is where the robot heads when it starts.
-    """
-    run, start = situation.runs[0], situation.start
-    began = (start.initial_rpm, start.moving, start.yaw_rad if by_heading else 0.0)
-    rows = run.command_rows()
-    since = run.held_since(command_period_s)[rows]
-    commands = [values[rows].tobytes() for values in run.command.columns().values()]
-    supply = supply_of(run) if by_voltage else None
-    volts = supply and (supply.time_s.tobytes(), supply.voltage_v.tobytes(), supply.full_v)
-    return (np.rint(since / command_period_s * 1e6).tobytes(), *commands, began, volts)
-
-
 def model_key(model: Model) -> Hashable:
-    """Return a key of what a model's motion depends on."""
-    about = ("uncertainty", "provenance", "extra")
-    return tuple(_hashable(getattr(model, field.name)) for field in fields(model) if field.name not in about)
-
-
-def _hashable(value: Any) -> Hashable:
-    # Most are numbers and names, and whether something is a mapping takes several times as long to tell.
-    if isinstance(value, float | int | str):
-        return value
-    if isinstance(value, Mapping):
-        return tuple((key, _hashable(value[key])) for key in sorted(value))
-    if isinstance(value, list | tuple):
-        return tuple(map(_hashable, value))
-    return cast(Hashable, value)
+    """Return a key of what a model's motion depends on, its sensors included."""
+    effects = tuple((name, tuple(sorted(model.effects[name].items()))) for name in sorted(model.effects))
+    return model.wheel, model.robot, effects, tuple(sorted(model.wheels.items())), model.custom
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Final, Literal
 
 import numpy as np
@@ -55,7 +56,7 @@ class Coordinate:
         """Whether equal steps of the place are equal ratios of the value."""
         return self.low > 0.0 and self.high > _LOGARITHMIC * self.low
 
-    @property
+    @cached_property
     def neutral_place(self) -> float:
         """Place of the neutral value; 1 if it is infinite."""
         return self.unit(self.neutral) if math.isfinite(self.neutral) else 1.0
@@ -64,7 +65,7 @@ class Coordinate:
         """Return the parameter at a place `unit`, 0 .. 1; a neutral value beyond a bound lies at that end."""
         if (unit >= 1.0 and self.neutral > self.high) or (unit <= 0.0 and self.neutral < self.low):
             return self.neutral
-        if math.isfinite(self.neutral) and unit == self.unit(self.neutral):
+        if math.isfinite(self.neutral) and unit == self.neutral_place:
             # A logarithm and back rounds, and neutral must be exact.
             return self.neutral
         if self.logarithmic:

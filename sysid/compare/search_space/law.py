@@ -9,11 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
 
-from mecanum_env.law.coefficients import COEFFICIENTS
+from mecanum_env.law.coefficients import WheelLaw
 from mecanum_env.law.stability import POLE_LIMIT, free_coordinates, stable_abc
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
@@ -69,15 +70,40 @@ class RefittedLaw:
         moved = (places[: len(_LAW_RANGE)] - 0.5) * 2.0 * _LAW_RANGE
         if not np.any(moved):
             return base
-        law = self.base.wheel.law
+        return replace(base, wheel=replace(base.wheel, law=self._laws.at(moved)))
+
+    @cached_property
+    def _laws(self) -> _LawsAround:
+        return _LawsAround.of(self.base.wheel.law, self.largest_pole / POLE_LIMIT)
+
+
+@dataclass(frozen=True, eq=False)
+class _LawsAround:
+    """The laws of one DC gain around a law, with what does not differ between them computed once."""
+
+    centre: FloatArray
+    """Stable coordinates of its A-C divided by `scale`, then D and E, shape (5,)."""
+    scale: FloatArray
+    """Powers of the largest magnitude of a pole, relative to `POLE_LIMIT`, shape (3,)."""
+    gain: float
+    """The DC gain of all of them."""
+    sample_period_s: float
+
+    @classmethod
+    def of(cls, law: WheelLaw, share: float) -> _LawsAround:
+        """Return the laws around a law, whose poles reach a `share` of `POLE_LIMIT`."""
         c = law.coefficients
-        scale = (self.largest_pole / POLE_LIMIT) ** np.arange(1, 4)
-        abc = scale * stable_abc(free_coordinates(c[:3] / scale) + moved[:3])
-        gain = float(np.sum(c[3:]) / (1.0 - np.sum(c[:3])))
-        d, e = c[3:5] + moved[3:]
-        f = gain * (1.0 - float(np.sum(abc))) - d - e
-        values = dict(zip(COEFFICIENTS, [*abc.tolist(), float(d), float(e), float(f)], strict=True))
-        return replace(base, wheel=replace(base.wheel, law=replace(law, **values)))
+        scale = np.asarray(share ** np.arange(1, 4), float)
+        centre = np.concatenate([free_coordinates(c[:3] / scale), c[3:5]])
+        return cls(centre, scale, float(np.sum(c[3:]) / (1.0 - np.sum(c[:3]))), law.sample_period_s)
+
+    def at(self, moved: FloatArray) -> WheelLaw:
+        """Return the law whose coordinates are those of the centre, `moved` by some distance, (5,)."""
+        place = self.centre + moved
+        abc = self.scale * stable_abc(place[:3])
+        d, e = place[3:]
+        f = self.gain * (1.0 - float(np.sum(abc))) - d - e
+        return WheelLaw.from_coefficients([*abc.tolist(), d, e, f], self.sample_period_s)
 
 
 def robot_deviations(law: RefittedLaw, covariance: FloatArray) -> FloatArray:

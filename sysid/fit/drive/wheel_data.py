@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -14,7 +15,7 @@ from mecanum_env.kinematics import WHEEL_SPEEDS, WHEELS, command_to_wheels, roun
 from mecanum_env.law import WheelLaw
 from mecanum_env.units import FloatArray
 from mecanum_env.wheel_drive.drive import RING, DriveParameters
-from mecanum_env.wheel_drive.inputs import latched_commands
+from mecanum_env.wheel_drive.inputs import LatchedLog
 from sysid.fit.drive.command_path import CommandPath
 from sysid.fit.estimators import WheelRun
 from sysid.fit.statistics import Runs
@@ -72,9 +73,14 @@ def wheel_run(run: Run, wheel: str, path: CommandPath, sigma_rpm: float) -> Whee
     since = run.held_since(drive.command_period_s)
     initial = _initial_speed(ticks, speed[finite], sigma_rpm)
 
+    @lru_cache(maxsize=2)
+    def latched(ceiling_rpm: float) -> LatchedLog:
+        return LatchedLog.of(replace(drive, saturation_rpm=ceiling_rpm), since, command, n_ticks, initial)
+
     def source(delay_s: float, saturation_rpm: float) -> FloatArray:
-        limited = replace(drive, delay_s=delay_s, saturation_rpm=min(saturation_rpm, path.saturation_rpm))
-        return latched_commands(limited, since, command, n_ticks, initial)
+        ceiling = min(saturation_rpm, path.saturation_rpm)
+        # Nothing in this drive changes with time, so that a delay does not change what is latched.
+        return latched(ceiling).inputs(replace(drive, delay_s=delay_s, saturation_rpm=ceiling))
 
     return WheelRun(
         command_rpm=source(0.0, math.inf),

@@ -45,7 +45,7 @@ class WheelRun:
     name: str = "run"
     """Name for messages: the log file and, for robot logs, the wheel."""
     source: CommandSource | None = None
-    """Rebuilds the command for another delay and saturation; None: `command_rpm` is shifted and clipped."""
+    """Rebuilds the command for a further delay and saturation; None: `command_rpm` is shifted and clipped."""
 
     def __post_init__(self) -> None:
         for field in ("command_rpm", "sample_tick", "speed_rpm", "sigma_rpm"):
@@ -90,6 +90,8 @@ class WheelRun:
         Raises:
             InputError: the source returned something other than K finite numbers.
         """
+        if delay_s == 0.0 and saturation_rpm == np.inf:
+            return self.command_rpm
         if self.source is None:
             limited = np.clip(self.command_rpm, -saturation_rpm, saturation_rpm)
             return shifted_command(limited, delay_s / self.sample_period_s, self.initial_rpm)

@@ -12,6 +12,7 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -25,8 +26,12 @@ from sysid.fit.estimators.interface import Estimate, StartResult, WheelRun
 
 _LEAST_GAIN: Final = 1e-6
 """Smallest DC gain assumed for the steady start, so that a search may pass through a gain of 0."""
+_LAGS: Final = 3
+"""Ticks by which a coefficient's signal may come later, itself included."""
 _DELAY_STEP: Final = 1e-4
 """Step of the finite difference d(command)/d(delay) [ticks]; the command is piecewise linear in the delay."""
+
+Indices = npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +58,8 @@ class LawProblem:
     """Steady speed before each trace [rpm], shape (U,)."""
     length: int
     """Number of ticks K of the longest trace."""
-    row: npt.NDArray[np.intp]
-    tick: npt.NDArray[np.intp]
+    row: Indices
+    tick: Indices
     fraction: FloatArray
     """A measurement lies at tick + fraction of trace `row`."""
     speed_rpm: FloatArray
@@ -62,7 +67,7 @@ class LawProblem:
     """1/sigma [1/rpm]; of the mean, for merged measurements."""
     within_cost: float
     """Half the weighted sum of squares of repeats about their mean, which no law can change."""
-    group: npt.NDArray[np.intp]
+    group: Indices
     """Index of the measurement that contains each original sample, in the order of the runs, shape (N,)."""
     measured_rpm: FloatArray
     """The original samples in the order of the runs [rpm], shape (N,)."""
@@ -110,7 +115,7 @@ class LawProblem:
         start = self.initial_rpm[:, None]
         with np.errstate(all="ignore"):
             deviation = lfilter(c[3:], _denominator(c), traces.command_rpm - start / _dc_gain(c))
-            return np.asarray(self.initial_rpm[self.row] + self._gather(deviation, 0))
+            return np.asarray(self.initial_rpm[self.row] + self._gathered(deviation)[:, 0])
 
     def residual(self, coefficients: npt.ArrayLike, traces: Traces) -> FloatArray:
         """Return (predicted - measured)/sigma of every measurement, shape (M,), for `coefficients` A-F."""
@@ -129,22 +134,22 @@ class LawProblem:
         by_d = lfilter([1.0], denominator, command)
         deviation = lfilter(c[3:], [1.0], by_d)
         by_a = lfilter([0.0, 1.0], denominator, deviation)
-        columns = [self._gather(signal, lag) for signal in (by_a, by_d) for lag in range(3)]
+        columns = [self._gathered(signal, lags=3) for signal in (by_a, by_d)]
         extra = [x for x in (traces.by_delay, traces.by_saturation) if x is not None]
-        columns += [self._gather(lfilter(c[3:], denominator, x), 0) for x in extra]
-        jacobian = np.stack(columns, axis=1)
+        columns += [self._gathered(lfilter(c[3:], denominator, x)) for x in extra]
+        jacobian = np.concatenate(columns, axis=1)
         if np.any(self.initial_rpm):
             # The command that held the start is initial/gain, which depends on the coefficients.
-            step = self._gather(lfilter(c[3:], denominator, np.broadcast_to(start, command.shape)), 0)
+            step = self._gathered(lfilter(c[3:], denominator, np.broadcast_to(start, command.shape)))
             by_inverse_gain = np.concatenate([-np.ones(3), np.full(3, -1.0 / gain)]) / np.sum(c[3:])
-            jacobian[:, :6] -= step[:, None] * by_inverse_gain
-        return self.initial_rpm[self.row] + self._gather(deviation, 0), jacobian
+            jacobian[:, :6] -= step * by_inverse_gain
+        return self.initial_rpm[self.row] + self._gathered(deviation)[:, 0], jacobian
 
     def linear_columns(self, abc: npt.ArrayLike, traces: Traces) -> FloatArray:
         """Return the factors of D, E and F in the prediction, shape (M, 3), for `abc` and unit gain."""
         command = traces.command_rpm - self.initial_rpm[:, None]
         by_d = lfilter([1.0], _denominator(np.asarray(abc, float)), command)
-        return np.stack([self._gather(by_d, lag) for lag in range(3)], axis=1)
+        return self._gathered(by_d, lags=3)
 
     def rms(self, predicted: FloatArray) -> float:
         """Return the unweighted rms [rpm] of all original samples about `predicted`, shape (M,).
@@ -155,16 +160,29 @@ class LawProblem:
             value = float(np.sqrt(np.mean((self.measured_rpm - predicted[self.group]) ** 2)))
         return value if np.isfinite(value) else np.inf
 
-    def _gather(self, after: FloatArray, lag: int) -> FloatArray:
-        """Interpolate a signal x(1..K), shape (U, K), at the measurements, `lag` ticks later."""
-        padded = np.zeros((len(after), after.shape[1] + 3))
-        padded[:, 3:] = after
-        flat, stride = padded.ravel(), padded.shape[1]
-        index = self.row * stride + self.tick + (2 - lag)
-        value = flat[index]
-        if np.any(self.fraction):
-            value = value + self.fraction * (flat[np.minimum(index + 1, flat.size - 1)] - value)
+    def _gathered(self, after: FloatArray, lags: int = 1) -> FloatArray:
+        """Interpolate a signal x(1..K), (U, K), at the measurements and the lags before them, (M, lags)."""
+        padded = np.zeros((len(after), self.length + _LAGS))
+        padded[:, _LAGS:] = after
+        places, following = (index[:, :lags] for index in self._places)
+        value = np.take(padded, places)
+        if self._between_ticks:
+            value = value + self.fraction[:, None] * (np.take(padded, following) - value)
         return np.asarray(value)
+
+    @cached_property
+    def _places(self) -> tuple[Indices, Indices]:
+        """Where signals behind `_LAGS` zeros have each measurement's tick, and the next, later by each lag.
+
+        Both are indices into all signals, one behind the other, shape (M, `_LAGS`).
+        """
+        stride = self.length + _LAGS
+        places = (self.row * stride + self.tick + (_LAGS - 1))[:, None] - np.arange(_LAGS)
+        return places, np.minimum(places + 1, len(self.sources) * stride - 1)
+
+    @cached_property
+    def _between_ticks(self) -> bool:
+        return bool(np.any(self.fraction))
 
 
 def stack(runs: Sequence[WheelRun], *, merge: bool = True) -> LawProblem:
@@ -192,7 +210,7 @@ def stack(runs: Sequence[WheelRun], *, merge: bool = True) -> LawProblem:
     sampled = np.concatenate([run.sample_tick for run in runs])
     speed = measured = np.concatenate([run.speed_rpm for run in runs])
     precision = np.concatenate([run.sigma_rpm for run in runs]) ** -2.0
-    group: npt.NDArray[np.intp] = np.arange(len(speed), dtype=np.intp)
+    group: Indices = np.arange(len(speed), dtype=np.intp)
     within = 0.0
     if merge:
         _, first, group = np.unique(row * (length + 1.0) + sampled, return_index=True, return_inverse=True)

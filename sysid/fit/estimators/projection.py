@@ -9,6 +9,7 @@ value.
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -123,13 +124,14 @@ def _cost(problem: LawProblem, delay_s: float, limit: float) -> float:
 def _delay_start(problem: LawProblem, longest_s: float, limit: float) -> float:
     period = problem.sample_period_s
 
-    def best(ticks: range) -> int:
-        return min(ticks, key=lambda tick: _cost(problem, tick * period, limit))
+    @cache
+    def cost(tick: int) -> float:
+        return _cost(problem, tick * period, limit)
 
     # D, E and F can represent two ticks of delay, so a minimum is visible from three ticks away.
     last = int(longest_s / period + 1e-9)
-    coarse = best(range(0, last + 1, 3))
-    return period * best(range(max(coarse - 2, 0), min(coarse + 2, last) + 1))
+    coarse = min(range(0, last + 1, 3), key=cost)
+    return period * min(range(max(coarse - 2, 0), min(coarse + 2, last) + 1), key=cost)
 
 
 def _saturation_start(problem: LawProblem) -> float:

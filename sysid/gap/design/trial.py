@@ -134,7 +134,7 @@ class Trial:
         if channels is None:
             return None
         measured = {name: channels[name] for name in self.conditions.channels}
-        return self.whitener.whiten([block.of(self.run, measured) for block in self.observations.blocks])
+        return self.whitener.whiten(self.observations.predicted([measured]))
 
     def predictable(self, model: Model, prediction: FloatArray) -> bool:
         """Return whether a model's whitened prediction (N,) is robust to details; see `_PREDICTABLE`."""

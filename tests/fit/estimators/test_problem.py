@@ -115,7 +115,7 @@ def test_a_source_rebuilds_the_command(law):
     run = replace(run_of(law, commands(4)), source=lambda delay, limit: np.full(90, min(delay, limit)))
     assert np.all(run.command(0.25, 3.0) == 0.25)
     with pytest.raises(InputError, match="command source gave shape"):
-        replace(run, source=lambda *_: np.zeros(3)).command()
+        replace(run, source=lambda *_: np.zeros(3)).command(0.25)
 
 
 @pytest.mark.parametrize(

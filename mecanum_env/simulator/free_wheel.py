@@ -1,0 +1,204 @@
+"""Free wheels on the bench: what is simulated of a model there, in which runs, and their motion.
+
+The plugin's own loop simulates them, with MuJoCo's bits, and MuJoCo itself where an effect of one's own
+changes the MuJoCo model.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import mujoco
+import numpy as np
+
+from mecanum_env.effects.apply import active_effects, changed_model, drive_parameters
+from mecanum_env.errors import InputError
+from mecanum_env.mjcf import bench_spec
+from mecanum_env.mjcf.physics import fitting_timestep, wheel_inertia
+from mecanum_env.model import Model
+from mecanum_env.plugin.layout import NO_TORQUE_LIMIT, chain_numbers, set_steady
+from mecanum_env.plugin.library import Counts, HeldCommands, free_wheels, refusal
+from mecanum_env.simulator.commands import hold
+from mecanum_env.simulator.supply import Supply
+from mecanum_env.simulator.trajectory import diverged, step_through
+from mecanum_env.units import RAD_S_PER_RPM, FloatArray
+from mecanum_env.wheel_drive.parameters import CHAIN
+
+_INERTIA: Final = CHAIN.index("inertia_kg_m2")
+
+
+@dataclass(frozen=True, eq=False)
+class FreeWheel:
+    """A wheel on the bench as numbers, or as a MuJoCo model where an effect needs that."""
+
+    timestep_s: float
+    parameters: FloatArray
+    """In the order of `mecanum_env.wheel_drive.parameters.CHAIN`, shape (P,)."""
+    inertia_kg_m2: float
+    damping_n_m_s_rad: float
+    reads_voltage: bool
+    """Whether it depends on the supply's voltage."""
+    mj_model: mujoco.MjModel | None = None
+
+    @staticmethod
+    def of(model: Model, wheel: str | None = None, timestep_s: float | None = None) -> FreeWheel:
+        """Return a model's wheel; `wheel` and `timestep_s` are those of `bench_motion`.
+
+        Raises:
+            InputError: an effect that the bench cannot simulate, or a value out of range.
+        """
+        changed = changed_model(model, "bench")
+        step, damping, mj_model = fitting_timestep(changed, timestep_s), 0.0, None
+        for effect, values in active_effects(changed):
+            if effect.change_spec is not None and effect.acts_in("bench"):
+                if effect.load is None:
+                    mj_model = compile_bench(model, wheel, timestep_s)
+                else:
+                    damping += effect.load(values).damping_n_m_s_rad
+        drive = drive_parameters(changed, wheel)
+        parameters = chain_numbers(changed.robot, drive, NO_TORQUE_LIMIT, wheel_inertia(changed.robot))
+        if why := refusal(parameters, step):
+            raise InputError(f"the bench: {why}")
+        # The drive feeds forward the inertia that it turns, its rotor's included.
+        inertia = float(parameters[_INERTIA])
+        return FreeWheel(step, parameters, inertia, damping, drive.reads_voltage, mj_model)
+
+
+def compile_bench(model: Model, wheel: str | None = None, timestep_s: float | None = None) -> mujoco.MjModel:
+    """Compile the one-wheel model, without what is only seen.
+
+    The law is that of the wheel fl, fr, rl or rr, by default the common one. `timestep_s` is the upper bound
+    of the physics step [s], 1/480 s when None.
+    """
+    return bench_spec(model, timestep_s, wheel=wheel, visuals=False).compile()
+
+
+@dataclass(frozen=True, eq=False)
+class BenchRun:
+    """Commands to replay on the bench, as for `bench_motion`."""
+
+    time_s: FloatArray
+    command_rpm: FloatArray
+    duration_s: float
+    initial_rpm: float = 0.0
+    supply: Supply | None = None
+    """The supply's voltage; None: it stays what it is at the start."""
+
+    @cached_property
+    def given(self) -> tuple[FloatArray, FloatArray, float]:
+        """Commands that are no missing samples: times since the start [s], commands, initial speed [rpm]."""
+        given = ~np.isnan(self.command_rpm)
+        return self.time_s[given] - self.time_s[0], self.command_rpm[given], self.initial_rpm
+
+
+class BenchRuns:
+    """Runs that are simulated together, as often as there are models; what they share is made once."""
+
+    def __init__(self, runs: Sequence[BenchRun]) -> None:
+        self.runs = tuple(runs)
+        self.commands = HeldCommands.of([run.given for run in runs])
+        self._clocks: dict[float, _Clocks] = {}
+
+    def clocks(self, timestep_s: float) -> _Clocks:
+        """Return the physics steps of all runs with a step [s]."""
+        if timestep_s not in self._clocks:
+            self._clocks[timestep_s] = _Clocks.of(self.runs, timestep_s)
+        return self._clocks[timestep_s]
+
+
+@dataclass(frozen=True, eq=False)
+class _Clocks:
+    """The physics steps of runs that are simulated together."""
+
+    steps: Counts
+    """Number of steps of each run, shape (runs,)."""
+    times_s: tuple[FloatArray, ...]
+    """Times of each run [s], one more than it has steps."""
+    parts: tuple[slice, ...]
+    """Where the times of each run are if they stand one behind the other."""
+    lost_v: FloatArray | None
+    """What the supplies have lost in each step, run after run [V]; None if nothing."""
+
+    @staticmethod
+    def of(runs: Sequence[BenchRun], timestep_s: float) -> _Clocks:
+        steps = np.array([_steps(run.duration_s, timestep_s) for run in runs])
+        longest: FloatArray = timestep_s * np.arange(int(np.max(steps)) + 1, dtype=np.float64)
+        times = tuple(longest[: count + 1] for count in steps)
+        lost = _lost_voltages(runs, [one[:-1] for one in times])
+        ends = np.cumsum([0, *steps + 1]).tolist()
+        return _Clocks(steps, times, tuple(map(slice, ends[:-1], ends[1:])), lost)
+
+
+def wheel_motions(wheels: Sequence[FreeWheel], runs: BenchRuns) -> list[list[tuple[FloatArray, FloatArray]]]:
+    """Return what `bench_motions` does, of free wheels instead of their models.
+
+    Raises:
+        SimulationDivergedError: the state of any wheel stopped being finite.
+    """
+    found: dict[int, list[tuple[FloatArray, FloatArray]]] = {}
+    alike: dict[float, list[int]] = {}
+    for index, one in enumerate(wheels):
+        if one.mj_model is None:
+            alike.setdefault(one.timestep_s, []).append(index)
+        else:
+            found[index] = [mujoco_bench_motion(one.mj_model, run) for run in runs.runs]
+    for step, members in alike.items():
+        clocks = runs.clocks(step)
+        speeds, reached = free_wheels(
+            np.stack([wheels[i].parameters for i in members]),
+            np.array([(wheels[i].inertia_kg_m2, wheels[i].damping_n_m_s_rad) for i in members]),
+            step,
+            runs.commands,
+            clocks.steps,
+            clocks.lost_v,
+        )
+        if np.any(reached < clocks.steps):
+            raise diverged(float(np.min(reached[reached < clocks.steps])) * step)
+        for i, row in zip(members, speeds, strict=True):
+            found[i] = [(time, row[part]) for time, part in zip(clocks.times_s, clocks.parts, strict=True)]
+    return [found[index] for index in range(len(wheels))]
+
+
+def _lost_voltages(runs: Sequence[BenchRun], clocks_s: Sequence[FloatArray]) -> FloatArray | None:
+    """Return what the supplies of runs have lost at times (n,) of each, run after run; None if nothing."""
+    if all(run.supply is None for run in runs):
+        return None
+    parts = (
+        np.zeros(clock.size) if run.supply is None else run.supply.lost_at(clock)
+        for run, clock in zip(runs, clocks_s, strict=True)
+    )
+    return np.concatenate(list(parts))
+
+
+def mujoco_bench_motion(mj_model: mujoco.MjModel, run: BenchRun) -> tuple[FloatArray, FloatArray]:
+    """Return what `bench_motion` does in a run, simulated by MuJoCo on a compiled bench `mj_model`.
+
+    Raises:
+        SimulationDivergedError: the state stopped being finite.
+    """
+    step = mj_model.opt.timestep
+    clock = np.arange(_steps(run.duration_s, step) + 1) * step
+    ctrl = held_command(run.time_s, run.command_rpm, clock, run.initial_rpm)
+    data = mujoco.MjData(mj_model)
+    if run.initial_rpm != 0.0:
+        set_steady(mj_model, data, run.initial_rpm)
+        data.qvel[:] = run.initial_rpm * RAD_S_PER_RPM
+    lost = None if run.supply is None else run.supply.lost_at(clock[:-1])
+    _, qvel = step_through(mj_model, data, ctrl[:, None], lost_v=lost)
+    return clock, qvel[:, 0] / RAD_S_PER_RPM
+
+
+def _steps(duration_s: float, timestep_s: float) -> int:
+    return max(1, math.ceil(duration_s / timestep_s - 1e-9))
+
+
+def held_command(
+    time_s: FloatArray, command_rpm: FloatArray, clock_s: FloatArray, initial_rpm: float
+) -> FloatArray:
+    """Return the command held in each step of the clock; a missing sample leaves the previous one."""
+    given = ~np.isnan(command_rpm)
+    return hold(time_s[given] - time_s[0], command_rpm[given], clock_s[:-1], before=initial_rpm)

@@ -6,8 +6,7 @@ The calls release Python's lock, so threads run side by side.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -88,23 +87,6 @@ def free_wheels(
     pointers = (None if array is None else array.ctypes.data for array in arrays)
     _library().mecanum_bench(sets, runs, timestep_s, *pointers)
     return speeds, reached
-
-
-@contextmanager
-def without_timers() -> Iterator[None]:
-    """Let MuJoCo simulate without timing itself (`mujoco.MjData.timer`), with the same result.
-
-    It looks at the clock before and after each stage of a step, and the stages of a small model are as short
-    as these looks. MuJoCo's Python library has no switch for it.
-    """
-    clock = ctypes.c_void_p.in_dll(_library(), "mjcb_time")
-    found, clock.value = clock.value, None
-    try:
-        yield
-    finally:
-        # Of threads side by side, the first one has found the clock.
-        if found is not None:
-            clock.value = found
 
 
 def evaluate_program(program: Program, inputs: FloatArray) -> FloatArray:

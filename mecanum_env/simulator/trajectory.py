@@ -15,7 +15,6 @@ from mecanum_env.errors import MecanumError
 from mecanum_env.kinematics import ROBOT_CHANNELS, WHEELS
 from mecanum_env.model import Model
 from mecanum_env.plugin.layout import LOST_VOLTAGE
-from mecanum_env.plugin.library import without_timers
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 
 CHANNELS: Final = ROBOT_CHANNELS
@@ -91,15 +90,14 @@ def step_through(
     for start in range(0, n, chunk_steps):
         chunk = controls[start : start + chunk_steps]
         # Without the warm start the contact solver would begin anew, and the last digits would differ.
-        with without_timers():
-            states, _ = mujoco.rollout.rollout(
-                mj_model,
-                data,
-                state,
-                chunk,
-                control_spec=int(spec),
-                initial_warmstart=data.qacc_warmstart.copy(),
-            )
+        states, _ = mujoco.rollout.rollout(
+            mj_model,
+            data,
+            state,
+            chunk,
+            control_spec=int(spec),
+            initial_warmstart=data.qacc_warmstart.copy(),
+        )
         states = states[0]
         # A full physics state begins with time, qpos, qvel.
         rows = slice(start + 1, start + 1 + len(chunk))

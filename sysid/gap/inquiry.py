@@ -148,7 +148,13 @@ def start_search(
 ) -> Search:
     """Return the search of a study before any set is fitted: what the `considered` effects would do.
 
-    `simulators` are those of an earlier search of the same logs, if there was one.
+    Args:
+        data: what the logs tell, beside the `model` to study.
+        model: of the robot or the drive, as it was given.
+        settings: of the simulations.
+        considered: names of the effects to look for.
+        tell: called with the name of each before it is simulated.
+        simulators: of an earlier search of the same logs, if there was one.
     """
     whitener = Whitener(data.observations, data.noise, data.error)
     problem = ResidualProblem(model, whitener, settings, simulators, data.repeated or data.learned)

@@ -47,14 +47,6 @@ def test_data_that_were_driven_are_as_new_once_at_rest(robot):
         np.testing.assert_array_equal(one, other)
 
 
-def test_mujoco_times_its_own_steps_again_after_a_drive(robot):
-    data, timer = at_rest(robot), int(mujoco.mjtTimer.mjTIMER_STEP)
-    step_through(robot, data, np.zeros((5, 4)))
-    assert data.timer[timer].duration == 0.0
-    mujoco.mj_step(robot, data)
-    assert data.timer[timer].duration > 0.0
-
-
 def test_at_rest_is_the_origin_at_time_zero(robot):
     data = at_rest(robot)
     assert data.time == 0

@@ -137,7 +137,8 @@ def _asked(s: DriveState, p: Sets, speed: FloatArray, h: float, parts: Parts) ->
     beyond = position - xp.clip(position, -half, half)
     geared = xp.where(beyond == 0.0, kv * s.change, kv * beyond / h)
     geared = xp.where(rests, kv * (beyond / h - speed), geared)
-    taken_up = xp.clip(xp.abs(position) / xp.where(half > 0.0, half, 1.0), None, 1.0) * (kv * rate)
+    # Clipped before it is divided, as the smallest numbers would overflow.
+    taken_up = xp.clip(xp.abs(position), None, half) / xp.where(half > 0.0, half, 1.0) * (kv * rate)
     geared = xp.where(springs, xp.where(position * rate > 0.0, taken_up, 0.0), geared)
     torque: FloatArray = xp.where(half > 0.0, geared, kv * rate)
     return torque

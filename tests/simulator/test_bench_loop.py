@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from mecanum_env.effects import Effect, Parameter, registered
@@ -102,6 +102,9 @@ def test_the_motion_is_mujocos_bit_for_bit(
     timestep_s=st.sampled_from([None, 1 / 133]),
     initial_rpm=st.sampled_from([0.0, 45.0]),
     seed=st.integers(0, 2**32 - 1),
+)
+@example(
+    effects={"backlash/spring": {"gap_deg": 2.2e-311}}, integral=0.0, timestep_s=None, initial_rpm=0.0, seed=0
 )
 def test_the_reference_moves_the_wheel_bit_for_bit(effects, integral, timestep_s, initial_rpm, seed):
     paper = paper_model()

@@ -62,5 +62,6 @@ class _GymnasiumHook:
             load(module)
             _register_environments()
 
+        # Only this one loader is changed, after it was found and before it runs; typed classes forbid it.
         spec.loader.exec_module = load_and_register  # type: ignore[method-assign]
         return spec

@@ -183,6 +183,7 @@ class Arena:
     def _begin(self, at: RowArray, given: Sequence[Robot], opponents: Sequence[Opponent]) -> None:
         """Begin the episodes that have been drawn in some rows, with a robot and an opponent each."""
         poses = self.chance.start_pose[:, at]
+        # An arena is given robots of the kind that its batch holds; the type of the batch does not tell.
         self.robots.restart_rows(at, poses, given)  # type: ignore[arg-type]
         self.scenes.restart(at, self._first_scenes(at))
         self.fighter.restart(at, opponents)

@@ -31,6 +31,7 @@ PLAYERS: Final = ("first", "second")
 Array = npt.NDArray[np.float32]
 
 
+# PettingZoo has no types.
 class MecanumTankendoDuel(ParallelEnv):  # type: ignore[misc]
     """Tankendo between two commanded robots: best of three, with the same rules for both.
 

@@ -156,6 +156,7 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
     * v0: first version
     """
 
+    # Gymnasium declares `metadata` as an attribute of instances, so that it cannot be a class variable here.
     metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 10}  # noqa: RUF012
 
     def __init__(self, *, render_mode: str | None = None, **arguments: Unpack[Arguments]) -> None:

@@ -26,7 +26,7 @@ from sysid.gap.result import Verdict
 from sysid.gap.search.chance import Floor, chance_gains, complete, enough, misfit, roller_scatter
 from sysid.gap.search.free_term import free_term
 from sysid.gap.search.further import needed, residue, visible
-from sysid.gap.search.plain_squares import noise_ratio, plainly_larger, removed
+from sysid.gap.search.plain_squares import noise_ratio, plainly_larger, removed, removed_of_all
 from sysid.gap.search.rules import Facts, apply_rules
 from sysid.gap.search.scores import ScoredSet, doubtful, rises, scored
 from sysid.gap.search.sets import Search
@@ -125,6 +125,7 @@ def collect(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
         + _formula_residue(search, chosen.fitted, THRESHOLDS.exact_formula) / inflation,
         adequate=enough(problem, base, chosen.fitted, floor),
         removed=removed(problem, base, chosen.fitted),
+        removed_of_all=removed_of_all(problem, base, chosen.fitted),
         gain=1.0 - chosen.fitted.cost / base.cost,
         raises_rms=rises(problem, base, chosen.fitted),
         doubtful=doubtful(problem, chosen.fitted, inflation),

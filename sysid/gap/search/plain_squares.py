@@ -56,6 +56,16 @@ def removed(problem: ResidualProblem, base: Fitted[EffectSet], chosen: Fitted[Ef
     return (before - after) / before if before > 0.0 else 0.0
 
 
+def removed_of_all(problem: ResidualProblem, base: Fitted[EffectSet], chosen: Fitted[EffectSet]) -> float:
+    """Return the share of the squared errors of single samples that a set removes.
+
+    What differs between repeats of a command is part of these errors, not noise, and no set can remove it.
+    """
+    samples = sum(float(block.weight.sum()) for block in problem.observations.blocks)
+    whole = noise_ratio(problem, base) * samples
+    return (mean_squares(problem, base) - mean_squares(problem, chosen)) / whole if whole > 0.0 else 0.0
+
+
 def _squares(problem: ResidualProblem, residual: FloatArray) -> float:
     """Return the squares of a whitened residual (N,) as `mean_squares` counts them."""
     noise, blocks = problem.whitener.noise.sigma, problem.observations.blocks

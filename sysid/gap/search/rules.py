@@ -53,6 +53,9 @@ class Facts:
     """Whether the chosen set leaves what noise allows, or little beside what it explains."""
     removed: float = 0.0
     """Share of the squared difference above the noise that the chosen set removes."""
+    removed_of_all: float = 0.0
+    """Share of the squared difference of single samples, what differs between repeats included, that it
+    removes."""
     gain: float = math.inf
     """Share of the cost by which the chosen set lowers it."""
     raises_rms: bool = False
@@ -173,8 +176,14 @@ def _left_over(facts: Facts) -> str:
 
 
 def _too_small(facts: Facts) -> Outcome | None:
-    """No gap: the chosen set is significant and removes next to nothing."""
+    """No gap: the chosen set is significant and removes next to nothing.
+
+    In the commands of the fit, an error that its logs show, too, may be most of the plain difference. Beside
+    it a set matters that takes a plain residual down to what a right model leaves.
+    """
     if facts.removed >= THRESHOLDS.least_removed or facts.floor.knows_all:
+        return None
+    if facts.floor.familiar and facts.is_plain and facts.adequate:
         return None
     reason = (
         f"{facts.significant} removes only {max(facts.removed, 0.0):.0%} of the difference above the noise: "
@@ -204,9 +213,10 @@ def _may_be_noise(facts: Facts) -> bool:
 def _not_repeatable(facts: Facts) -> Outcome | None:
     """Unexplained: repeats of one command differ, so that no effect of the commands is all of it.
 
-    A set that removes most of the difference keeps its name: it is not all, and the report says so.
+    A set that removes most of the difference keeps its name: it is not all, and the report says so. What
+    differs between the repeats belongs to the difference: counted as noise it would excuse itself.
     """
-    reason, is_most = _something_random(facts), facts.removed >= THRESHOLDS.most_of_it
+    reason, is_most = _something_random(facts), facts.removed_of_all >= THRESHOLDS.most_of_it
     return _unexplained(facts, reason) if reason and not is_most else None
 
 

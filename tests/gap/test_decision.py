@@ -12,7 +12,7 @@ import pytest
 
 import sysid.gap
 from mecanum_env.model import Model
-from sysid.compare.least_squares import Fitted, ResidualProblem, base_fit
+from sysid.compare.least_squares import Fitted, ResidualProblem, base_fit, fit
 from sysid.compare.measured import observe
 from sysid.compare.model_error import ModelError, Whitener
 from sysid.compare.model_error.size import ChannelError
@@ -22,7 +22,7 @@ from sysid.gap.report.output import gap_json
 from sysid.gap.result import FoundEffect, GapOptions, GapReport, Interval
 from sysid.gap.search.chance import Floor
 from sysid.gap.search.decision import explore
-from sysid.gap.search.plain_squares import mean_squares, plainly_larger
+from sysid.gap.search.plain_squares import mean_squares, plainly_larger, removed, removed_of_all
 from sysid.gap.search.responses import Growth, Library, growths, responses
 from sysid.gap.search.sets import EMPTY, Search
 from sysid.gap.search.thresholds import THRESHOLDS, SearchEffort
@@ -237,3 +237,30 @@ def test_a_difference_that_only_the_correction_makes_is_not_plain(bench_logs: Ma
     plain = ResidualProblem(base, whitener)
     assert mean_squares(problem, corrected) > 5.0 * mean_squares(plain, base_fit(plain, EMPTY))
     assert not plainly_larger(problem, corrected)
+
+
+@pytest.mark.parametrize("differs", [0.0, 0.4])
+def test_what_differs_between_repeats_is_part_of_the_whole_difference(
+    bench_logs: MakeLogs, base: Model, differs: float
+) -> None:
+    """A gain of 0.8 is nearly all that changed, unless the repeats differ by more than it does."""
+    logs = bench_logs(base.with_effect("speed_gain", gain=0.8))
+    factors = np.tile([1.0 - differs, 1.0, 1.0 + differs], len(logs.runs) // 3)
+    runs = tuple(
+        replace(run, channels={**run.channels, "speed_rpm": factor * run.channels["speed_rpm"]})
+        for run, factor in zip(logs.runs, factors, strict=True)
+    )
+    logs = replace(logs, runs=runs)
+    observations = observe(logs)
+    problem = ResidualProblem(base, Whitener(observations, measure_noise(logs, observations), None))
+    candidate = effect_set(base, ["speed_gain"])
+    chosen = fit(problem, candidate, candidate.start(), most=20)
+    assert chosen is not None
+    before = base_fit(problem, EMPTY)
+    assert removed(problem, before, chosen) > 0.8
+    assert (removed_of_all(problem, before, chosen) > 0.8) == (differs == 0.0)
+    if differs:
+        # The squares of 0.2, and of what 0.8 (0.4, 0, -0.4) adds to them in the mean over three repeats.
+        assert removed_of_all(problem, before, chosen) == pytest.approx(
+            0.04 / (0.04 + 0.32**2 * 2 / 3), abs=0.1
+        )

@@ -45,9 +45,7 @@ def plain_ratio(problem: ResidualProblem, base: Fitted[EffectSet]) -> float:
 
 def noise_ratio(problem: ResidualProblem, base: Fitted[EffectSet]) -> float:
     """Return the mean squared error over single samples in noise variances, 1 for a right model."""
-    noise, blocks = problem.whitener.noise.sigma, problem.observations.blocks
-    spread = sum(b.repeat_squares / noise[b.channel] ** 2 for b in blocks)
-    return (mean_squares(problem, base) + spread) / sum(float(b.weight.sum()) for b in blocks)
+    return _sample_squares(problem, base) / sum(float(b.weight.sum()) for b in problem.observations.blocks)
 
 
 def removed(problem: ResidualProblem, base: Fitted[EffectSet], chosen: Fitted[EffectSet]) -> float:
@@ -61,9 +59,16 @@ def removed_of_all(problem: ResidualProblem, base: Fitted[EffectSet], chosen: Fi
 
     What differs between repeats of a command is part of these errors, not noise, and no set can remove it.
     """
-    samples = sum(float(block.weight.sum()) for block in problem.observations.blocks)
-    whole = noise_ratio(problem, base) * samples
-    return (mean_squares(problem, base) - mean_squares(problem, chosen)) / whole if whole > 0.0 else 0.0
+    before, after = (mean_squares(problem, fitted) for fitted in (base, chosen))
+    whole = _sample_squares(problem, base)
+    return (before - after) / whole if whole > 0.0 else 0.0
+
+
+def _sample_squares(problem: ResidualProblem, fitted: Fitted[EffectSet]) -> float:
+    """Return the sum of squared errors of single samples, repeats included, in noise variances."""
+    noise, blocks = problem.whitener.noise.sigma, problem.observations.blocks
+    spread = sum(block.repeat_squares / noise[block.channel] ** 2 for block in blocks)
+    return mean_squares(problem, fitted) + spread
 
 
 def _squares(problem: ResidualProblem, residual: FloatArray) -> float:

@@ -179,7 +179,7 @@ def _too_small(facts: Facts) -> Outcome | None:
     """No gap: the chosen set is significant and removes next to nothing.
 
     In the commands of the fit, an error that its logs show, too, may be most of the plain difference. Beside
-    it a set matters that takes a plain residual down to what a right model leaves.
+    it a set matters that leaves a plainly visible residual what noise allows, or little of what it explains.
     """
     if facts.removed >= THRESHOLDS.least_removed or facts.floor.knows_all:
         return None

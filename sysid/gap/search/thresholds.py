@@ -55,7 +55,8 @@ class Thresholds:
     300-323): with 3 one of 8 right answers was lost, with 6 none; one wrong answer is denied with either."""
     most_of_it: float = 0.5
     """Share of the squared difference above the noise from which a set keeps its name although a free term
-    does better: it is then most of what happened. Assumed."""
+    does better: it is then most of what happened. Where something random acts, share of the whole squared
+    difference, since the noise of repeats is part of what happened. Assumed."""
     plainly_visible: float = 1.5
     """Cost ratio above which an effect that brings the residual to the noise floor is accepted without the
     formula-error penalty: an error this far above expectation is not the residue of a formula. Also the ratio

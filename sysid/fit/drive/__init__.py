@@ -7,6 +7,7 @@ wheel_data     the runs of each wheel on the clock of the law
 fitter         one fit of the law, with the settings that all fits share
 choice         whether a clock, a delay or a ceiling is worth having
 behind_path    all starts and methods behind one command path
+unseen_swings  a law that swings where no sample shows it, and a tick with which it cannot
 late_links     the fit where each change of the command has a delay of its own
 notes          what a user should know about the result
 law_fit        `LawFit`, the result

@@ -19,6 +19,7 @@ from mecanum_env.law.coefficients import law_step
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 from mecanum_env.wheel_drive.chain import DriveState
 from mecanum_env.wheel_drive.drive import EPS
+from mecanum_env.wheel_drive.light_wheel import across_gap, is_light
 from mecanum_env.wheel_drive.motor_bounds import bounded
 from mecanum_env.wheel_drive.ramp import Ramp, RampLimits
 from mecanum_env.wheel_drive.shaping import shaped
@@ -44,6 +45,7 @@ class SetPoints(OnArrays):
         self._ticks = np.zeros(latches.count.size)
         self._ramps: RampLimits | None = None
         self._bounds: tuple[Any, ...] | None = None
+        self._light = False
 
     def restart(self, rows: npt.NDArray[np.intp]) -> None:
         """Start the clocks of some `rows` anew, and forget the commands there."""
@@ -64,6 +66,7 @@ class SetPoints(OnArrays):
             supply, tau = self._or_infinite(p["supply_rpm"]), self._tick_s
             bounds = (rise * tau, brake * tau, supply, p["supply_share"])
         self._bounds = bounds
+        self._light = bool(is_light(p).any())
 
     def _or_infinite(self, limit: Any) -> Any:
         return self._xp.where(limit > 0.0, limit, math.inf)
@@ -88,11 +91,15 @@ class SetPoints(OnArrays):
         if any_due:
             self._tick(s, p, due)
         share = ((steps + 1.0) * self._timestep_s - (self._ticks - 1.0) * tau) / tau
-        before = s.setpoint
         if np.all(share > 1.0 - EPS):
-            s.setpoint = s.w0 * RAD_S_PER_RPM
+            motor = s.w0 * RAD_S_PER_RPM
         else:
-            s.setpoint = (s.w1 + (s.w0 - s.w1) * self._array(np.clip(share, 0.0, 1.0))) * RAD_S_PER_RPM
+            motor = (s.w1 + (s.w0 - s.w1) * self._array(np.clip(share, 0.0, 1.0))) * RAD_S_PER_RPM
+        before = s.setpoint
+        if self._light:
+            s.setpoint, s.gap = across_gap(p, motor, before, s.gap, self._timestep_s, self._xp)
+        else:
+            s.setpoint = motor
         s.rise = s.setpoint - before
 
     def _tick(self, s: DriveState, p: Mapping[str, Any], due: Due) -> None:

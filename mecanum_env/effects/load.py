@@ -6,20 +6,44 @@ import math
 from dataclasses import replace
 from typing import Final
 
-from mecanum_env.effects.definition import ChangeDrive, Effect, Parameter, Values
+from mecanum_env.effects.definition import Effect, Parameter, Values
 from mecanum_env.effects.drive import POSITIVE
+from mecanum_env.units import RAD_S_PER_RPM
 from mecanum_env.wheel_drive.drive import DriveParameters
 
 _PLAY: Final = "how far a wheel turns by hand while its motor is held"
 _GAPS_DEG: Final = (0.5, 1, 2, 4, 8, 16, 32)
+_FEW_GAPS_DEG: Final = (0.5, 2, 8, 32)
+_ELASTIC_GAPS_DEG: Final = (4, 32)
+_SWINGS_HZ: Final = (1.4, 2, 2.8, 4, 5.6, 8, 11)
+"""So near each other that the swing of a right one between two of them is still in step after a period."""
 
 
-def _backlash(kind: str) -> ChangeDrive:
-    def change(drive: DriveParameters, values: Values, _wheel: str | None) -> DriveParameters:
-        gap = math.radians(values["gap_deg"])
-        return replace(drive, load=replace(drive.load, gap_rad=gap, gap_kind=kind))
+def _coasting(drive: DriveParameters, values: Values, _wheel: str | None) -> DriveParameters:
+    return replace(drive, load=replace(drive.load, gap_rad=math.radians(values["gap_deg"])))
 
-    return change
+
+def _slowed(drive: DriveParameters, values: Values, _wheel: str | None) -> DriveParameters:
+    load = replace(
+        drive.load,
+        gap_rad=math.radians(values["gap_deg"]),
+        gap_kind="light",
+        gap_slowing_rad_s2=values["slowing_rpm_s"] * RAD_S_PER_RPM,
+    )
+    return replace(drive, load=load)
+
+
+def _elastic(drive: DriveParameters, values: Values, _wheel: str | None) -> DriveParameters:
+    swing = 2.0 * math.pi * values["swing_hz"]
+    load = replace(
+        drive.load,
+        gap_rad=math.radians(values["gap_deg"]),
+        gap_kind="light",
+        gap_swing_rad_s=swing,
+        gap_damping=values["damping"],
+        gap_slowing_rad_s2=swing**2 * math.radians(values["friction_deg"]),
+    )
+    return replace(drive, load=load)
 
 
 def _ripple(drive: DriveParameters, values: Values, _wheel: str | None) -> DriveParameters:
@@ -65,28 +89,46 @@ EFFECTS: Final = (
         signature="A dead time after each reversal of the torque; steady motion is unchanged.",
         direct_check=_PLAY,
         realistic=lambda _: {"gap_deg": 4.0},
-        change_drive=_backlash("coast"),
+        change_drive=_coasting,
     ),
     Effect(
         name="backlash/rest",
         station="transmission",
         acts_on="between motor and wheel",
-        parameters=(Parameter("gap_deg", "deg", 0.0, (0.0, 45.0), scan=_GAPS_DEG),),
-        summary="The motor turns through a gap at each reversal; friction holds the wheel at rest meanwhile.",
-        signature="The wheel stands still for a while at each reversal and at the first start.",
+        parameters=(
+            Parameter("gap_deg", "deg", 0.0, (0.0, 45.0), scan=_FEW_GAPS_DEG),
+            Parameter(
+                "slowing_rpm_s",
+                "rpm/s",
+                None,
+                (50.0, 1e5),
+                (1.0, 1e7),
+                default=1e5,
+                scan=(250, 1000, 4000, 1e5),
+            ),
+        ),
+        summary="The motor turns through a gap at each reversal; meanwhile friction slows the wheel at this "
+        "rate, and holds it at rest.",
+        signature="The wheel slows down by itself and then stands still for a while, at each reversal and "
+        "hard brake; it does not move at once at the first start.",
         direct_check=_PLAY,
-        change_drive=_backlash("rest"),
+        change_drive=_slowed,
     ),
     Effect(
         name="backlash/spring",
         station="transmission",
         acts_on="between motor and wheel",
-        parameters=(Parameter("gap_deg", "deg", 0.0, (0.0, 45.0), scan=_GAPS_DEG),),
-        summary="The gap has an elastic filling: the drive's hold on the wheel grows from nothing in its "
-        "middle to all of it at the ends.",
-        signature="A soft start after each reversal of the torque; steady motion is unchanged.",
+        parameters=(
+            Parameter("gap_deg", "deg", 0.0, (0.0, 45.0), scan=_ELASTIC_GAPS_DEG),
+            Parameter("swing_hz", "Hz", None, (1.0, 15.0), (0.1, 50.0), default=4.0, scan=_SWINGS_HZ),
+            Parameter("damping", "1", None, (0.0, 1.0), (0.0, 1.0), default=0.1),
+            Parameter("friction_deg", "deg", None, (0.0, 10.0), (0.0, 45.0)),
+        ),
+        summary="The gap has an elastic filling, on which the wheel swings behind the motor with this "
+        "frequency and damping ratio; its bearing's friction twists it so far before the wheel turns.",
+        signature="The speed lags and then rings after each change of command; steady motion is unchanged.",
         direct_check=_PLAY,
-        change_drive=_backlash("spring"),
+        change_drive=_elastic,
     ),
     Effect(
         name="torque_ripple",

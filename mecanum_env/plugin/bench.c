@@ -26,8 +26,8 @@ static void start_steady(Drive* s, const double* p, double speed) {
   s->w0 = s->w1 = s->w2 = s->r1 = s->r2 = s->ramp = s->sent = speed;
   s->setpoint = speed * RAD_S_PER_RPM;
   for (int i = 0; i < RING; i++) s->command[i] = speed;
-  // The motor of a turning wheel has crossed the backlash.
-  s->gap = (speed > 0 ? 1 : -1) * p[GAP] / 2;
+  // The motor of a turning wheel has crossed the backlash, unless an elastic filling is at rest in its middle.
+  if (!(p[GAP_SWING] > 0)) s->gap = (speed > 0 ? 1 : -1) * p[GAP] / 2;
 }
 
 // Simulate one run; return the number of substeps before it diverged. Speeds [rpm] are those at 0, h, 2 h ...

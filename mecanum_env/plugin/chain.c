@@ -45,6 +45,23 @@ static double reached(const double* p, const Substep* now, double speed, double 
   return clip(wanted, low, high);
 }
 
+// Whether the backlash is crossed before the servo, by a wheel that nothing but the gap and its own friction moves.
+static int is_light(const double* p) { return p[GAP] > 0 && p[GAP_KIND] == LIGHT; }
+
+// The speed [rad/s] of such a wheel a substep after it was the setpoint.
+//
+// An elastic filling of the gap pulls it after the motor, and a dry friction stops it and never turns it. At the ends
+// of the gap the two touch, without a bounce.
+static double crossing(Drive* s, const double* p, double h, double motor) {
+  double half = p[GAP] / 2, swing = p[GAP_SWING], wheel = s->setpoint;
+  double free = wheel + h * (swing * swing * s->gap + 2 * p[GAP_DAMPING] * swing * (motor - wheel));
+  double stopped = h * p[GAP_SLOWING];
+  double speed = fabs(free) <= stopped ? 0 : free - copysign(stopped, free);
+  double before = s->gap, position = before + h * (motor - speed);
+  s->gap = clip(position, -half, half);
+  return s->gap == position ? speed : motor - (s->gap - before) / h;
+}
+
 void chain_begin(Drive* s, const double* p, const Substep* now) {
   const double h = now->timestep, tau = p[SAMPLE_PERIOD], T = p[COMMAND_PERIOD];
   if (s->timestep != h || s->sample_period != tau || s->command_period != T) restart_clocks(s, h, tau, T);
@@ -62,8 +79,8 @@ void chain_begin(Drive* s, const double* p, const Substep* now) {
   s->substeps += 1;
   double part = (s->substeps * h - (s->ticks - 1) * tau) / tau;
   part = part < 0 ? 0 : part > 1 ? 1 : part;
-  double before = s->setpoint;
-  s->setpoint = (s->w1 + (s->w0 - s->w1) * part) * RAD_S_PER_RPM;
+  double before = s->setpoint, motor = (s->w1 + (s->w0 - s->w1) * part) * RAD_S_PER_RPM;
+  s->setpoint = is_light(p) ? crossing(s, p, h, motor) : motor;
   s->rise = s->setpoint - before;
 }
 
@@ -88,17 +105,9 @@ static double damping(const Drive* s, const double* p, const Substep* now) {
 static double asked_torque(const Drive* s, const double* p, const Substep* now) {
   double h = now->timestep, kv = p[SERVO], half = p[GAP] / 2;
   double motor = unloaded(s, p) + p[INERTIA] * s->rise / (h * kv), rate = motor - now->speed;
-  if (!(half > 0)) return kv * rate;
-  // The motor moves the wheel only by the part of its travel that lies beyond the gap: of its travel relative to a
-  // wheel that would coast on, or to one that would rest. The servo then brakes the wheel as a strong friction does.
-  int rests = p[GAP_KIND] == REST;
-  double position = s->gap + h * (rests ? motor : rate), beyond = position - clip(position, -half, half);
-  if (rests) return kv * (beyond / h - now->speed);
-  if (p[GAP_KIND] == SPRING) {
-    // Each half of the gap takes up the torque that closes it further, all of it at its end. What the integrator
-    // subtracts is left, which only adds kv h to the wheel's inertia: predicted, it would make the wheel overshoot.
-    return position * rate > 0 ? fmin(fabs(position) / half, 1) * (kv * rate) : 0;
-  }
+  if (!(half > 0) || is_light(p)) return kv * rate;
+  // The motor moves a wheel that coasts on only by the part of its travel relative to it that lies beyond the gap.
+  double position = s->gap + h * rate, beyond = position - clip(position, -half, half);
   return beyond == 0 ? damping(s, p, now) : kv * beyond / h;
 }
 
@@ -221,7 +230,8 @@ void chain_end(Drive* s, const double* p, const Substep* now, double asked, doub
   s->angle += h * speed;
   s->load += LOAD_SMOOTHING * (effective_inertia(p, now) * s->change / h - reported - s->load);
   double before = s->gap;
-  s->gap = clip(before + h * (unloaded(s, p) - speed), -half, half);
+  // A light wheel has crossed it before the servo, whose setpoint is that of the wheel.
+  if (!is_light(p)) s->gap = clip(before + h * (unloaded(s, p) - speed), -half, half);
   // The error of the motor, which turns without the wheel inside the gap.
   double error = s->setpoint - speed - (s->gap - before) / h;
   // The integral does not wind up while the torque is limited.

@@ -54,6 +54,7 @@ SERVO: Final = 2
 _INERTIA: Final = USER.index("inertia_kg_m2")
 _ROTOR: Final = USER.index("rotor_kg_m2")
 _GAP: Final = USER.index("gap_rad")
+_GAP_SWING: Final = USER.index("gap_swing_rad_s")
 _LINK_SEED: Final = USER.index("link_seed")
 NO_TORQUE_LIMIT: Final[float] = mujoco.mjMAXVAL
 """The torque limit in user if there is none; not 0, so that a file which omits the limit is refused."""
@@ -369,8 +370,10 @@ def set_steady(mjmodel: mujoco.MjModel, data: mujoco.MjData, speeds_rpm: npt.Arr
         state[STATE.index("setpoint")] = speed * RAD_S_PER_RPM
         state[COMMANDS] = speed
         if mjmodel.nuser_actuator > _GAP:
-            # The motor of a turning wheel has crossed the backlash.
-            state[STATE.index("gap")] = np.sign(speed) * mjmodel.actuator_user[actuator, _GAP] / 2
+            # The motor of a turning wheel has crossed the backlash; an elastic filling rests in its middle.
+            user = mjmodel.actuator_user[actuator]
+            elastic = mjmodel.nuser_actuator > _GAP_SWING and user[_GAP_SWING] > 0.0
+            state[STATE.index("gap")] = 0.0 if elastic else np.sign(speed) * user[_GAP] / 2
 
 
 def drive_state(mjmodel: mujoco.MjModel, data: mujoco.MjData) -> dict[str, FloatArray]:

@@ -79,10 +79,13 @@
   X(LOSS, "loss", PART)                                     \
   X(SEED, "link_seed", NOT_BELOW_0)                         \
   X(GAIN_PER_VOLT, "gain_per_volt", NOT_BELOW_0)            \
-  X(SUPPLY_PER_VOLT, "supply_per_volt", NOT_BELOW_0)
+  X(SUPPLY_PER_VOLT, "supply_per_volt", NOT_BELOW_0)        \
+  X(GAP_SWING, "gap_swing_rad_s", NOT_BELOW_0)              \
+  X(GAP_DAMPING, "gap_damping", NOT_BELOW_0)                \
+  X(GAP_SLOWING, "gap_slowing_rad_s2", NOT_BELOW_0)
 
 // What the wheel does while the motor crosses the backlash, as values of GAP_KIND.
-enum { COAST, REST, SPRING };
+enum { COAST, LIGHT };
 
 #define INDEX(index, name, check) index,
 enum { LAW_PARAMETERS(INDEX) SERVO, USER_PARAMETERS(INDEX) N_PARAMETERS };

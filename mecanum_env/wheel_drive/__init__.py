@@ -9,6 +9,7 @@ link          the delay of each command, its jitter, and commands that are lost
 set_point     from a command to the set-point, as functions of numbers; `shaping` does it for a latched one
 ramp          how fast the set-point may change
 motor_bounds  what the torque of a motor and its supply leave of the law's step
+light_wheel   backlash that the wheel crosses by itself, between the law and the servo
 servo         the servo behind the set-point, with what loads it: `wheel_load` and `custom_load`
 formula       formulas of custom effects, checked and turned into a `program` that runs in the drive
 parts         which of these parts any of many drives has

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from mecanum_env.law.coefficients import law_step
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 from mecanum_env.wheel_drive.drive import EPS, RING
+from mecanum_env.wheel_drive.light_wheel import across_gap
 from mecanum_env.wheel_drive.link import is_lost, own_delay
 from mecanum_env.wheel_drive.motor_bounds import bounded, supplied
 from mecanum_env.wheel_drive.parameters import Sets
@@ -65,8 +66,9 @@ class DriveState:
         for name in ("w0", "w1", "w2", "r1", "r2", "ramp", "sent"):
             getattr(state, name)[:] = initial_rpm
         state.setpoint[:] = initial_rpm * RAD_S_PER_RPM
-        # The motor of a turning wheel has crossed the backlash.
-        state.gap[:] = np.sign(initial_rpm) * p["gap_rad"] / 2
+        # The motor of a turning wheel has crossed the backlash; an elastic filling rests in its middle.
+        crossed = np.sign(initial_rpm) * p["gap_rad"] / 2
+        state.gap[:] = np.where(p["gap_swing_rad_s"] > 0.0, 0.0, crossed)
         return state
 
 
@@ -91,7 +93,8 @@ def begin(
         _tick(s, p, due, lost_v)
     s.substeps += 1
     share = np.clip((s.substeps * timestep_s - (s.ticks - 1) * tau) / tau, 0.0, 1.0)
-    before, s.setpoint = s.setpoint, (s.w1 + (s.w0 - s.w1) * share) * RAD_S_PER_RPM
+    motor = (s.w1 + (s.w0 - s.w1) * share) * RAD_S_PER_RPM
+    before, (s.setpoint, s.gap) = s.setpoint, across_gap(p, motor, s.setpoint, s.gap, timestep_s)
     s.rise = s.setpoint - before
 
 

@@ -30,7 +30,7 @@ USER: Final = (
     *("ripple_n_m", "ripple_share", "ripple_per_turn", "ripple_phase_rad", "gap_kind"),
     *("subtracted_rpm", "warm_up_share", "warm_up_s", "map_knots", *MAP_PARAMETERS),
     *("brake_rpm_s", "jerk_rpm_s2", "jitter_s", "loss", "link_seed"),
-    *("gain_per_volt", "supply_per_volt"),
+    *("gain_per_volt", "supply_per_volt", "gap_swing_rad_s", "gap_damping", "gap_slowing_rad_s2"),
 )
 """The servo and the effects; from "deadband_rpm" on 0 means "off", also for a gain.
 

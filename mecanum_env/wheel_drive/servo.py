@@ -18,10 +18,10 @@ import numpy.typing as npt
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 from mecanum_env.wheel_drive.chain import DriveState
 from mecanum_env.wheel_drive.custom_load import custom_torque
+from mecanum_env.wheel_drive.light_wheel import is_light
 from mecanum_env.wheel_drive.motor_bounds import supplied
 from mecanum_env.wheel_drive.parameters import Sets
 from mecanum_env.wheel_drive.parts import REFERENCE, Parts
-from mecanum_env.wheel_drive.wheel_load import GAP_KINDS
 
 LOAD_SMOOTHING: Final = 0.1
 """Share of a change of the load that its estimate follows in a substep."""
@@ -104,7 +104,9 @@ def end(
     error = s.setpoint - speed
     if parts.gap:
         half = p["gap_rad"] / 2
-        gap, s.gap = s.gap, parts.xp.clip(s.gap + h * (_unloaded(s, p) - speed), -half, half)
+        moved = parts.xp.clip(s.gap + h * (_unloaded(s, p) - speed), -half, half)
+        # A light wheel has crossed it before the servo, whose setpoint is that of the wheel.
+        gap, s.gap = s.gap, parts.xp.where(is_light(p), s.gap, moved)
         # The error of the motor, which turns without the wheel inside the gap.
         error = error - (s.gap - gap) / h
     # The integral does not wind up while the torque is limited.
@@ -131,16 +133,11 @@ def _asked(s: DriveState, p: Sets, speed: FloatArray, h: float, parts: Parts) ->
     if not parts.gap:
         return kv * rate
     half = p["gap_rad"] / 2
-    rests, springs = (p["gap_kind"] == GAP_KINDS.index(kind) for kind in ("rest", "spring"))
-    # The motor moves the wheel only by the part of its travel that lies beyond the gap.
-    position = s.gap + h * xp.where(rests, motor, rate)
+    # The motor moves a wheel that coasts on only by the part of its travel that lies beyond the gap.
+    position = s.gap + h * rate
     beyond = position - xp.clip(position, -half, half)
     geared = xp.where(beyond == 0.0, kv * s.change, kv * beyond / h)
-    geared = xp.where(rests, kv * (beyond / h - speed), geared)
-    # Clipped before it is divided, as the smallest numbers would overflow.
-    taken_up = xp.clip(xp.abs(position), None, half) / xp.where(half > 0.0, half, 1.0) * (kv * rate)
-    geared = xp.where(springs, xp.where(position * rate > 0.0, taken_up, 0.0), geared)
-    torque: FloatArray = xp.where(half > 0.0, geared, kv * rate)
+    torque: FloatArray = xp.where((half > 0.0) & ~is_light(p), geared, kv * rate)
     return torque
 
 

@@ -8,7 +8,7 @@ from typing import Final
 
 from mecanum_env.errors import InputError
 
-GAP_KINDS: Final = ("coast", "rest", "spring")
+GAP_KINDS: Final = ("coast", "light")
 """What the wheel does while the motor crosses the backlash, in the order of the plugin's numbers."""
 
 
@@ -23,7 +23,13 @@ class WheelLoad:
     gap_rad: float = 0.0
     """Backlash between motor and wheel [rad]."""
     gap_kind: str = "coast"
-    """One of GAP_KINDS: the wheel runs on; it rests; each half of the gap takes up the torque gradually."""
+    """One of GAP_KINDS: the wheel runs on under its load; only the gap and its own friction move it."""
+    gap_swing_rad_s: float = 0.0
+    """Angular frequency at which a light wheel swings on an elastic filling of the gap [rad/s]; 0: none."""
+    gap_damping: float = 0.0
+    """Damping ratio of that swing."""
+    gap_slowing_rad_s2: float = 0.0
+    """Rate at which dry friction slows a light wheel in the gap [rad/s^2]."""
     breakaway_n_m: float = 0.0
     """Friction torque of the wheel's bearing at rest beyond that in motion [N m]."""
     stribeck_rad_s: float = 0.0

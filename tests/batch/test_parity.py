@@ -48,6 +48,7 @@ def test_every_effect_by_each_of_its_parameters(apart, name, parameter):
         {"body_acceleration_limit": {"v_rpm_s": 300.0}, "command_latency": {"delay_s": 0.03}},
         {"static_map": map_parameters([-50.0, 0.0, 20.0, 90.0], [-40.0, 0.0, 9.0, 95.0])},
         {"backlash": {"gap_deg": 4.0}, "stiction/washed_out": {"breakaway_n_m": 0.3}},
+        {"backlash/spring": {"gap_deg": 8.0}, "coulomb_friction": {"torque_n_m": 0.1}},
     ],
 )
 def test_effects_together(apart, effects):

@@ -33,6 +33,7 @@ CLEAR = {
     ("body_speed_limit", "v_rpm"): 30.0,
     ("body_speed_limit", "vc_rpm"): 20.0,
     ("command_deadband", "threshold_rpm"): 25.0,
+    ("backlash/rest", "slowing_rpm_s"): 500.0,
     **{
         ("static_map", f"knot_{i}_rpm"): knot
         for i, knot in enumerate((-50.0, -20.0, 0.0, 20.0, 50.0, 90.0), 1)
@@ -44,6 +45,8 @@ CLEAR = {
 }
 # Other parameters that are needed for this one to matter.
 BESIDE = {
+    ("backlash/rest", "slowing_rpm_s"): {"gap_deg": 30.0},
+    **{("backlash/spring", shape): {"gap_deg": 30.0} for shape in ("swing_hz", "damping", "friction_deg")},
     ("payload", "height_m"): {"mass_kg": 20.0},
     ("floor_slope", "heading_deg"): {"slope_deg": 5.0},
     ("speed_saturation", "softness_rpm"): {"limit_rpm": 60.0},

@@ -41,28 +41,58 @@ def test_a_resting_wheel_stands_still_at_a_reversal(base):
     np.testing.assert_allclose(speed[slowing], plain[slowing], atol=1e-6)
 
 
-@pytest.mark.parametrize(("form", "close"), [("rest", 0.05), ("spring", 0.5)])
-def test_steady_motion_knows_no_gap(base, form, close):
-    """A spring takes a while to take a load up."""
-    model = base.with_effect("backlash", form, gap_deg=10.0).with_effect("coulomb_friction", torque_n_m=0.3)
+@pytest.mark.parametrize(("form", "values"), [("rest", {}), ("spring", {"damping": 0.7})])
+def test_steady_motion_knows_no_gap(base, form, values):
+    loose = base.with_effect("backlash", form, gap_deg=10.0, **values)
+    model = loose.with_effect("coulomb_friction", torque_n_m=0.3)
     rigid = base.with_effect("coulomb_friction", torque_n_m=0.3)
     speed, plain = (replay_bench(m, TIME, STAIRS) for m in (model, rigid))
     for end in (0.5, 1.0, 1.5, 2.0):
         late = np.abs(TIME - end + 0.05) < 0.04
-        np.testing.assert_allclose(speed[late], plain[late], atol=close)
+        np.testing.assert_allclose(speed[late], plain[late], atol=0.05)
 
 
-def test_a_spring_takes_the_torque_up_gradually(base):
-    """At a reversal the wheel coasts to the middle of the gap; then it is taken along without a jerk."""
-    sprung, free = (
-        replay_bench(base.with_effect("backlash", form, gap_deg=15.0), TIME, STAIRS)
-        for form in ("spring", "coast")
-    )
-    steps = [np.max(np.abs(np.diff(speed[(TIME > 1.0) & (TIME < 1.3)]))) for speed in (sprung, free)]
-    assert steps[0] < 0.4 * steps[1]
-    plain = replay_bench(base, TIME, STAIRS)
-    lag = [np.argmax((TIME > 1.0) & (speed < 0.0)) * STEP for speed in (plain, sprung, free)]
-    assert lag[0] < lag[1] < lag[2]
+@pytest.mark.parametrize(("swing_hz", "damping"), [(2.0, 0.05), (5.0, 0.1), (8.0, 0.2)])
+def test_a_wheel_on_a_spring_swings_with_its_frequency_and_dies_out_with_its_damping(base, swing_hz, damping):
+    """A gap that it does not cross: the damped oscillator of the textbook."""
+    model = base.with_effect("backlash", "spring", gap_deg=45.0, swing_hz=swing_hz, damping=damping)
+    slow, settled = np.full(TIME.shape, 20.0), TIME > 0.6
+    swing = (replay_bench(model, TIME, slow) - replay_bench(base, TIME, slow))[settled]
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(swing)))) + 1
+    slower = np.sqrt(1.0 - damping**2)
+    assert 0.5 / (np.mean(np.diff(turns)) * STEP) == pytest.approx(swing_hz * slower, rel=0.02)
+    fall = np.abs(swing[turns[1]] / swing[turns[0]])
+    assert fall == pytest.approx(np.exp(-np.pi * damping / slower), abs=0.05)
+
+
+@pytest.mark.parametrize("slowing", [100.0, 400.0])
+def test_a_wheel_in_the_gap_slows_down_at_its_own_rate(base, slowing):
+    """A motor that brakes harder than friction slows the wheel leaves it alone until the gap is crossed."""
+    model = base.with_effect("backlash", "rest", gap_deg=45.0, slowing_rpm_s=slowing)
+    alone = (TIME > 1.02) & (TIME < 1.05)
+    falls = np.diff(replay_bench(model, TIME, STAIRS)[alone]) / STEP
+    np.testing.assert_allclose(falls, -slowing, rtol=0.02)
+
+
+def test_friction_holds_a_wheel_until_its_spring_is_twisted_so_far(base):
+    model = base.with_effect("backlash", "spring", gap_deg=45.0, damping=0.0, friction_deg=5.0)
+    speed, motor_deg = replay_bench(model, TIME, STAIRS), turned_deg(base)
+    moves = np.argmax(np.abs(speed) > 1e-3)
+    assert motor_deg[moves - 2] < 5.0 < motor_deg[moves]
+    assert np.all(speed[:moves] == 0.0)
+
+
+@pytest.mark.parametrize("gap", [2.0, 10.0])
+def test_a_spring_keeps_the_wheel_within_the_gap_of_the_motor(base, gap):
+    model = base.with_effect("backlash", "spring", gap_deg=gap, swing_hz=2.0)
+    lead = turned_deg(base) - turned_deg(model)
+    assert np.max(np.abs(lead)) == pytest.approx(gap / 2, abs=0.3)
+
+
+def test_a_stiff_spring_is_none(base):
+    stiff = base.with_effect("backlash", "spring", gap_deg=10.0, swing_hz=50.0, damping=0.7)
+    speed, plain = (replay_bench(model, TIME, STAIRS) for model in (stiff, base))
+    assert np.sqrt(np.mean((speed - plain) ** 2)) < 1.0
 
 
 @pytest.mark.parametrize("plant", ["rollers", "planar"])

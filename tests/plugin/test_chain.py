@@ -50,6 +50,9 @@ RANGES = {
     "link_seed": (1.0, 2.0**53),
     "gain_per_volt": (0.01, 0.5),
     "supply_per_volt": (0.01, 0.5),
+    "gap_swing_rad_s": (1.0, 300.0),
+    "gap_damping": (0.01, 1.0),
+    "gap_slowing_rad_s2": (1.0, 1000.0),
 }
 """Parameters that may be 0, and the range of their other values."""
 STEERING = ("voltage", "sin(5 * time)", "sign(command)", "min(abs(speed), 3) * cos(angle)", "exp(-time)")

@@ -31,8 +31,9 @@ EQUATIONS: Final = {
     "acceleration_limit/s_curve": "|dr/dt| <= limit and |d2r/dt2| <= jerk, r follows u",
     "load_inertia": "dw/dt is 1/ratio of the free wheel's for the same torque",
     "backlash": "no torque between motor and wheel while the gap is crossed; the wheel runs on",
-    "backlash/rest": "no torque between motor and wheel while the gap is crossed; the wheel rests",
-    "backlash/spring": "torque grows from 0 in the middle of the gap to all of it at the ends",
+    "backlash/rest": "no torque between motor and wheel while the gap is crossed; friction slows it",
+    "backlash/spring": "d2a/dt2 = (2 pi swing)^2 (m - a - friction sign(da/dt)) + 4 pi damping swing "
+    "(dm/dt - da/dt) for the angles of motor m and wheel a, |m - a| <= gap / 2",
     "coulomb_friction": "w = r - droop sign(w) at steady speed, droop = torque / servo stiffness",
     "coulomb_friction/washed_out": "the same loss, decaying as exp(-t / washout) by integral action",
     "stiction": "extra friction breakaway exp(-(w / stribeck)^2), against the motion and at rest",

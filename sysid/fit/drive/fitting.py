@@ -19,7 +19,7 @@ from sysid.fit.drive.command_path import infer_command_path
 from sysid.fit.drive.fitter import LawFitter
 from sysid.fit.drive.late_links import through_late_link
 from sysid.fit.drive.law_fit import LawFit
-from sysid.fit.drive.unseen_swings import swings_unseen, without_unseen_ticks
+from sysid.fit.drive.unseen_swings import SWINGS, swings_unseen, without_unseen_ticks
 from sysid.fit.drive.wheel_data import pooled, runs_by_split
 from sysid.fit.options import FitOptions
 from sysid.fit.statistics import residual
@@ -53,11 +53,14 @@ def fit_law(plain: Dataset, options: FitOptions, progress: Progress) -> LawFit:
     fitter = LawFitter(options.methods[0], options.seed, options.unit_gain, path, 1.0)
     dataset = _weighted_beside_error(plain, dataset, tails, fitter)
     found = fit_behind(path, dataset, options, progress)
-    if options.sample_period_s is None and swings_unseen(found):
-        slower = without_unseen_ticks(found)
-        if slower is not None:
-            path = slower
-            found = fit_behind(path, dataset, options, progress)
+    swings = swings_unseen(found)
+    slower = without_unseen_ticks(found) if swings and options.sample_period_s is None else None
+    if slower is not None:
+        path = slower
+        found = fit_behind(path, dataset, options, progress)
+        swings = swings_unseen(found)
+    if swings:
+        found = replace(found, notes=(*found.notes, SWINGS))
     if dataset.level == "bench" and options.delay_s is None:
         found = through_late_link(path, found, progress)
     return replace(found, tails=tails)

@@ -17,6 +17,11 @@ from sysid.fit.drive.law_fit import LawFit
 from sysid.fit.estimators import Estimate, WheelRun
 from sysid.fit.statistics.metrics import simulate
 
+SWINGS: Final = (
+    "the law swings between the samples, which do not show it: do not believe its speeds there; record more "
+    "samples, or give a longer sample_period_s"
+)
+"""What is said of a law that still does."""
 _SWING: Final = 0.1
 """Share of the largest speed by which a prediction between two samples may lie beyond both. Assumed: what
 samples show of a motion at all does not turn by so much between two of them."""

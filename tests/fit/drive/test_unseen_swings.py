@@ -5,7 +5,7 @@ import pytest
 
 from sysid.fit import FitOptions
 from sysid.fit.drive import LawFit, fit_law
-from sysid.fit.drive.unseen_swings import swings_unseen, without_unseen_ticks
+from sysid.fit.drive.unseen_swings import SWINGS, swings_unseen, without_unseen_ticks
 from sysid.logs import BenchCommand, Dataset, Run
 
 ROW_S = 0.015
@@ -66,10 +66,12 @@ def test_a_fit_chooses_a_tick_with_which_the_law_does_not_swing(late_drive: Data
     assert np.min(response) > -1.0
     assert np.max(response) < 101.0
     assert any("would swing between samples" in note for note in found.notes)
+    assert SWINGS not in found.notes
 
 
-def test_a_tick_that_the_user_gave_stays(swinging: LawFit) -> None:
+def test_a_tick_that_the_user_gave_stays_and_a_note_says_what_comes_of_it(swinging: LawFit) -> None:
     assert swinging.path.sample_period_s == ROW_S / 2
+    assert SWINGS in swinging.notes
 
 
 def test_less_than_two_ticks_between_samples_are_not_lengthened(late_drive: Dataset) -> None:

@@ -4,7 +4,8 @@ The catalogue states its ranges for one reference drive. A search on the logs of
 speeds with the largest speed of the logs, what would change nothing in them left out; rates with that speed
 over the time in which the drive rises, since a limit far above shows nothing and one far below never lets the
 wheel arrive; torques with the torque that would take all of that speed, so that any droop can be reached;
-drifts with the inverse length of the runs, since what is slow in minutes must be fast to show in seconds.
+drifts with the inverse length of the runs, since what is slow in minutes must be fast to show in seconds;
+frequencies with the rate of the samples where that is low, since they do not show faster ones.
 """
 
 from __future__ import annotations
@@ -19,6 +20,9 @@ from mecanum_env.units import RAD_S_PER_RPM
 
 _TOP_RPM, _RISE_S = 135.0, 0.125  # of the reference drive
 _RUN_S: Final = 10.0  # of the reference logs
+_INTERVAL_S: Final = 0.025
+"""Time between samples up to which all frequencies of the catalogue are searched: the highest, 15 Hz, is three
+eighths of that rate, and half would be seen at best."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +39,8 @@ class Scale:
     """Largest torque of the drive on its wheel [N m], beyond which a load stops it."""
     run_s: float = _RUN_S
     """Length of the longest run [s]."""
+    interval_s: float = _INTERVAL_S
+    """Time between samples, of the run that has the fewest in a second [s]."""
 
     @property
     def torque_n_m(self) -> float:
@@ -45,7 +51,8 @@ class Scale:
         """Return the factor on a range that the catalogue states in a `unit`.
 
         It is a power of two for speeds and rates, about one step of the scan grids, at least 1 for drifts
-        ("1/s"), which long runs show as well if they are fast, and 1 for other units.
+        ("1/s"), which long runs show as well if they are fast, at most 1 for frequencies ("Hz"), and 1 for
+        other units.
         `relative`: the range is one of shares, in "N m" of the `torque_n_m`, in "N m s/rad" of the damping
         that takes this torque at the top speed.
         """
@@ -53,6 +60,8 @@ class Scale:
             return _SHARES_OF[unit](self)
         if unit == "1/s":
             return max(1.0, _RUN_S / self.run_s)
+        if unit == "Hz":
+            return min(1.0, _INTERVAL_S / self.interval_s)
         power = _POWERS.get(unit)
         if power is None:
             return 1.0

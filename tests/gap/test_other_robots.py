@@ -110,6 +110,19 @@ def test_a_sag_may_be_faster_in_short_runs(run_s: float, most: float) -> None:
     assert sag.scaled(Scale(run_s=run_s)).bounds == (0.0, pytest.approx(most))
 
 
+@pytest.mark.parametrize(("interval_s", "most"), [(0.005, 15.0), (0.025, 15.0), (0.1, 3.75)])
+def test_a_swing_is_not_searched_where_samples_do_not_show_it(interval_s: float, most: float) -> None:
+    swing = next(p for p in CATALOGUE["backlash/spring"].parameters if p.name == "swing_hz")
+    searched = swing.scaled(Scale(interval_s=interval_s))
+    assert searched.bounds[1] == pytest.approx(most)
+    assert max(searched.scan or ()) < 0.5 / interval_s
+
+
+def test_the_time_between_samples_is_that_of_the_slowest_run() -> None:
+    logs = fast_logs(MODEL, 60.0)
+    assert scale_of(MODEL, logs.runs).interval_s == max(run.median_interval_s for run in logs.runs)
+
+
 def test_the_length_of_the_longest_run_is_known() -> None:
     logs = fast_logs(MODEL, 60.0)
     assert scale_of(MODEL, logs.runs).run_s == max(run.duration_s for run in logs.runs)

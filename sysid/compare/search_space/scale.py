@@ -18,7 +18,7 @@ def scale_of(model: Model, runs: Sequence[Run]) -> Scale:
 
     The top speed is the largest command or speed in the runs, at most the model's ceiling, or that ceiling if
     nothing moves. The rise time is that of the model's law. On the bench the torque has no limit. The length
-    is that of the longest run.
+    is that of the longest run, and the time between samples that of the run with the slowest ones.
     """
     ceiling = model.wheel.saturation_rpm
     top = min(max((_largest_rpm(run) for run in runs), default=0.0) or ceiling, ceiling)
@@ -30,6 +30,7 @@ def scale_of(model: Model, runs: Sequence[Run]) -> Scale:
         model.robot.servo_n_m_s_rad,
         math.inf if bench else model.robot.torque_limit_n_m,
         max((run.duration_s for run in runs if run.duration_s > 0.0), default=REFERENCE.run_s),
+        max((run.median_interval_s for run in runs if run.time_s.size > 1), default=REFERENCE.interval_s),
     )
 
 

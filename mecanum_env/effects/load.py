@@ -15,8 +15,8 @@ _PLAY: Final = "how far a wheel turns by hand while its motor is held"
 _GAPS_DEG: Final = (0.5, 1, 2, 4, 8, 16, 32)
 _FEW_GAPS_DEG: Final = (0.5, 2, 8, 32)
 _ELASTIC_GAPS_DEG: Final = (4, 32)
-_SWINGS_HZ: Final = (1.4, 2, 2.8, 4, 5.6, 8, 11)
-"""So near each other that the swing of a right one between two of them is still in step after a period."""
+_SWINGS_HZ: Final = tuple(1.4 * 2.0 ** (i / 8) for i in range(25))
+"""So near each other, 9 %, that a swing between two of them is in step with one for five periods."""
 
 
 def _coasting(drive: DriveParameters, values: Values, _wheel: str | None) -> DriveParameters:

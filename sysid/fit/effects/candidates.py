@@ -24,7 +24,7 @@ _LEFT_OUT: Final = ("battery_sag", "warm_up", "torque_ripple", "load_inertia")
 """Causes that are not searched: those that change during a run, unless a logged column tells how, a ripple
 whose phase differs from run to run, and what the law already is on a free wheel."""
 _ANY_LAG: Final = "backlash/spring"
-"""Not searched either: a wheel on a spring is a lag of almost any shape, and would take the place of whatever a
+"""Not searched either: a wheel on a spring is a lag of almost any shape, and would stand for whatever a
 law of third order lacks. With it in the model, a study no longer sees the gap that comes later."""
 _PROBES: Final = (0.03, 0.3)
 """Steps from neutral at which a parameter without a scan is tried, on its scale from 0 to 1."""

@@ -21,8 +21,9 @@ from mecanum_env.units import RAD_S_PER_RPM
 _TOP_RPM, _RISE_S = 135.0, 0.125  # of the reference drive
 _RUN_S: Final = 10.0  # of the reference logs
 _INTERVAL_S: Final = 0.025
-"""Time between samples up to which all frequencies of the catalogue are searched: the highest, 15 Hz, is three
-eighths of that rate, and half would be seen at best."""
+"""Time between samples [s] up to which all frequencies of the catalogue are searched.
+
+The highest of them, 15 Hz, is three eighths of that sampling rate; half of the rate could be seen at best."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Reading files that come from elsewhere: plain files of a sane size, JSON and TOML within bounds.
+"""Reading files that come from elsewhere: plain files of a sane size, JSON, TOML and arrays within bounds.
 
 Whatever is in the file, it is read or refused in one sentence (`InputError`) that begins with its path.
 """
@@ -10,8 +10,13 @@ import math
 import os
 import re
 import stat
+import tokenize
 import tomllib
-from typing import Any, Final
+import zipfile
+import zlib
+from typing import Any, BinaryIO, Final
+
+import numpy as np
 
 from mecanum_env.errors import InputError
 from mecanum_env.files import as_os_error
@@ -24,6 +29,13 @@ _LONGEST_NUMBER: Final = 320
 """Most digits of a whole number; double precision ends below."""
 _MOST_TOML: Final = 4 << 20
 """Largest TOML file [bytes]."""
+_MOST_ARRAYS: Final = 1 << 28
+"""Largest size of all arrays of an archive [bytes], unless told otherwise."""
+_TORN_ARRAYS: Final = (
+    OSError, EOFError, TypeError, ValueError, KeyError, MemoryError, RuntimeError, SyntaxError,
+    tokenize.TokenError, zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
+"""Errors that NumPy raises for a file that is no archive of arrays or is torn."""
 _STRING: Final = re.compile(r""""(?:[^"\\\n]|\\.)*(?:"|\\?$)|'[^'\n]*'?""", re.MULTILINE)
 """A string in one line, or the rest of the line where it is not closed."""
 _BETWEEN: Final = re.compile(r"[=,\[\]{}\n#]")
@@ -113,6 +125,28 @@ def read_toml(path: str | os.PathLike[str]) -> tuple[dict[str, Any], str]:
         said = str(error) if isinstance(error, InputError) else "a number has too many digits"
         raise InputError(f"{path}: not valid TOML: {said}") from error
     return value, text
+
+
+def parse_arrays(file: BinaryIO, most: float = _MOST_ARRAYS) -> dict[str, Any]:
+    """Return the arrays of an `.npz` archive by name; none of them may hold Python objects.
+
+    Args:
+        file: open for reading, and seekable.
+        most: size of all arrays beyond which they are refused [bytes].
+
+    Raises:
+        ValueError: it is no such archive, it is torn, or its arrays are too large.
+    """
+    try:
+        with zipfile.ZipFile(file) as archive:
+            # A small archive can hold a thousand times as much.
+            if sum(one.file_size for one in archive.infolist()) > most:
+                raise ValueError("its arrays are too large")
+        file.seek(0)
+        with np.load(file, allow_pickle=False) as stored:
+            return {name: stored[name] for name in stored.files}
+    except _TORN_ARRAYS as error:
+        raise ValueError(f"no archive of arrays, or a torn one ({error})") from error
 
 
 def _refuse_long_numbers(value: Any) -> None:

@@ -3,6 +3,7 @@
 import json
 import os
 import time
+import zipfile
 import zlib
 from pathlib import Path
 
@@ -246,10 +247,21 @@ def test_a_policy_that_cannot_act_does_not_load(case, tmp_path):
     assert str(refusal.value).startswith(str(path))
 
 
-def test_a_policy_that_unpacks_to_gigabytes_does_not_load(monkeypatch):
-    monkeypatch.setattr("training.controllers.policy._MOST_BYTES", 1000)
+def test_a_policy_that_unpacks_to_gigabytes_does_not_load(tmp_path):
+    path = tmp_path / "policy.npz"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        archive.writestr("mean.npy", bytes((1 << 28) + 1))
     with pytest.raises(InputError, match="no policy file, or a torn one"):
-        load_policy(bundled())
+        load_policy(path)
+
+
+def test_arrays_whose_header_never_ends_are_refused(tmp_path):
+    header = b"{'descr': '<f8', 'fortran_order': False, 'shape': (3,"
+    path = tmp_path / "policy.npz"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("mean.npy", b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header)
+    with pytest.raises(InputError, match="no policy file, or a torn one"):
+        load_policy(path)
 
 
 @pytest.mark.parametrize(

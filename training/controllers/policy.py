@@ -19,8 +19,6 @@ import io
 import json
 import math
 import os
-import zipfile
-import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,7 +30,7 @@ import numpy.typing as npt
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.files import atomic_path
 from mecanum_env.outputs import require_whole
-from mecanum_env.reading import parse_json, read_bytes
+from mecanum_env.reading import parse_arrays, parse_json, read_bytes
 from mecanum_env.tankendo import Rules, read_observation
 from mecanum_env.tankendo.actions import ActionMode, action_to_command, check_mode
 from mecanum_env.tankendo.constants import GUARD_TIP_M
@@ -44,14 +42,7 @@ FORMAT: Final = "mecanum-policy/1"
 _DEFAULT: Final = "robust"
 """Name of the default bundled policy."""
 _FOLDER: Final = Path(__file__).parent.parent / "policies"
-_UNREADABLE: Final = (
-    OSError, EOFError, TypeError, ValueError, KeyError, MemoryError, RuntimeError, SyntaxError,
-    zipfile.BadZipFile, zlib.error,
-)  # fmt: skip
-"""Errors that NumPy raises for a file that is no archive or is torn."""
 _HINT: Final = "give policy.npz of a folder that `python -m training.train` wrote"
-_MOST_BYTES: Final = 1 << 28
-"""Largest size of all arrays of a policy [bytes]."""
 _ACTION: Final = 3
 """Size of an action."""
 _KEPT: Final = 10
@@ -256,15 +247,9 @@ def load_network(path: Path) -> tuple[Network, Mapping[str, Any]]:
     require_whole(path)
     if not os.path.exists(path):
         raise InputError(f"{path}: no such policy; `python -m training.train --out RUN` writes one")
-    data = io.BytesIO(read_bytes(path, _HINT))
     try:
-        with zipfile.ZipFile(data) as archive:
-            # A small archive can hold a thousand times as much.
-            if sum(one.file_size for one in archive.infolist()) > _MOST_BYTES:
-                raise ValueError("too large")
-        with np.load(data, allow_pickle=False) as stored:
-            arrays = {name: stored[name] for name in stored.files}
-    except _UNREADABLE as error:
+        arrays = parse_arrays(io.BytesIO(read_bytes(path, _HINT)))
+    except ValueError as error:
         raise InputError(f"{path}: no policy file, or a torn one; {_HINT}") from error
     try:
         try:

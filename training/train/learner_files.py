@@ -7,6 +7,7 @@ replay.npz      SAC's replay buffer, as far as it is filled
 
 from __future__ import annotations
 
+import math
 import pickle
 import warnings
 import zipfile
@@ -20,6 +21,7 @@ from stable_baselines3.common.save_util import load_from_zip_file, recursive_get
 from stable_baselines3.common.vec_env import VecNormalize
 
 from mecanum_env.errors import InputError
+from mecanum_env.reading import parse_arrays
 
 AGENT, NORMALISER, REPLAY = "agent.zip", "normaliser.npz", "replay.npz"
 _MOMENTS: Final = ("mean", "var", "count")
@@ -102,8 +104,8 @@ def read_replay(folder: Path, agent: BaseAlgorithm) -> None:
 
 
 def _arrays(path: Path) -> dict[str, Any]:
-    with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
-        return {name: stored[name] for name in stored.files}
+    with path.open("rb") as file:
+        return parse_arrays(file, most=math.inf)
 
 
 def _refusal(folder: Path, error: BaseException) -> InputError:

@@ -1,8 +1,4 @@
-"""Effects of the wheel's bearing: friction, and how a drive answers it.
-
-A torque T on a wheel takes T / servo [rad/s] of its speed from a drive without integral action (`droop`); one
-with integral action brings it back (`washed_out`). Both may answer late, as a rotor's inertia makes them.
-"""
+"""Effects of the wheel's bearing: friction, for good or until the drive's integral action makes up for it."""
 
 from __future__ import annotations
 
@@ -23,6 +19,7 @@ from mecanum_env.effects.definition import (
     Values,
     usual_ceiling_rpm,
 )
+from mecanum_env.effects.integral_action import ANSWER, WASHOUT, answering, washed_out
 from mecanum_env.kinematics import WHEELS
 from mecanum_env.model import Model, Robot, cause_of
 from mecanum_env.units import RAD_S_PER_RPM
@@ -39,11 +36,6 @@ _BREAKAWAY: Final = Parameter(
 )
 _STRIBECK: Final = Parameter("stribeck_rpm", "rpm", None, (0.5, 30.0), (1e-3, 1e6), default=5.0)
 _DAMPING: Final = Parameter("damping_n_m_s_rad", "N m s/rad", 0.0, (0.0, 2.4), relative=True)
-_ANSWER: Final = Parameter("answer_s", "s", None, (0.0, 0.3))
-_WASHOUT: Final = Parameter(
-    "washout_s", "s", None, (0.02, 5.0), (1e-3, 1e6), default=0.3, scan=(0.05, 0.3, 1.5)
-)
-
 
 COULOMB: Final = "coulomb_friction"
 DEAD_ZONE_LIKE_IT: Final = "command_deadband/subtract"
@@ -109,15 +101,11 @@ def _damped_body(body: PlanarBody, values: Values) -> PlanarBody:
 
 
 def _loads(numbers_of: Callable[[Values], Mapping[str, float]]) -> ChangeDrive:
-    """Return the change of a drive by a friction, given the numbers of its load that are the friction's.
-
-    Of several frictions the longest answer counts.
-    """
+    """Return the change of a drive by a friction, given the numbers of its load that are the friction's."""
 
     def change(drive: DriveParameters, values: Values, _wheel: str | None) -> DriveParameters:
-        load = drive.load
-        numbers: dict[str, Any] = {**numbers_of(values), "answer_s": max(load.answer_s, values["answer_s"])}
-        return replace(drive, load=replace(load, **numbers))
+        numbers: dict[str, Any] = dict(numbers_of(values))
+        return answering(replace(drive, load=replace(drive.load, **numbers)), values)
 
     return change
 
@@ -133,13 +121,6 @@ def _stiction(values: Values) -> dict[str, float]:
 
 def _viscous(values: Values) -> dict[str, float]:
     return {"viscous_n_m_s_rad": values["damping_n_m_s_rad"]}
-
-
-def _washed_out(model: Model, values: Values) -> Model:
-    """Give the drive integral action; of several the strongest counts, the model's own included."""
-    robot = model.robot
-    action = max(robot.servo_integral_n_m_rad, robot.servo_n_m_s_rad / values["washout_s"])
-    return replace(model, robot=replace(robot, servo_integral_n_m_rad=action))
 
 
 def _warm(drive: DriveParameters, values: Values, _wheel: str | None) -> DriveParameters:
@@ -170,7 +151,7 @@ EFFECTS: Final = (
         first_form="droop",
         station="load",
         acts_on="wheel joint",
-        parameters=(_TORQUE, _ANSWER),
+        parameters=(_TORQUE, ANSWER),
         summary="A constant torque against the wheel's motion, which holds a wheel at rest.",
         signature="The same loss in rpm at every speed (torque / servo), so the relative loss falls with "
         "speed; with integral action in the drive it shows only at starts and reversals.",
@@ -184,12 +165,12 @@ EFFECTS: Final = (
         name="coulomb_friction/washed_out",
         station="load",
         acts_on="wheel joint",
-        parameters=(_TORQUE, _ANSWER, _WASHOUT),
+        parameters=(_TORQUE, ANSWER, WASHOUT),
         summary="The same torque, on a drive whose integral action makes up for it within the wash-out time.",
         signature="A loss after each start and reversal that fades; steady speeds are reached.",
         direct_check=_CURRENT,
         load=lambda values: Load(coulomb_n_m=values["torque_n_m"]),
-        change_model=_washed_out,
+        change_model=washed_out,
         change_drive=_loads(_coulomb),
     ),
     Effect(
@@ -197,7 +178,7 @@ EFFECTS: Final = (
         first_form="droop",
         station="load",
         acts_on="wheel joint",
-        parameters=(_BREAKAWAY, _STRIBECK, _ANSWER),
+        parameters=(_BREAKAWAY, _STRIBECK, ANSWER),
         summary="Friction near rest beyond coulomb_friction: breakaway exp(-(speed / stribeck)^2).",
         signature="Small commands do not start the wheel; large ones are reached as without it.",
         direct_check=_CURRENT,
@@ -209,11 +190,11 @@ EFFECTS: Final = (
         name="stiction/washed_out",
         station="load",
         acts_on="wheel joint",
-        parameters=(_BREAKAWAY, _STRIBECK, _ANSWER, _WASHOUT),
+        parameters=(_BREAKAWAY, _STRIBECK, ANSWER, WASHOUT),
         summary="The same friction, on a drive whose integral action breaks the wheel loose at last.",
         signature="The wheel starts late at small commands, with a jerk, and reaches them.",
         direct_check=_CURRENT,
-        change_model=_washed_out,
+        change_model=washed_out,
         change_drive=_loads(_stiction),
     ),
     Effect(
@@ -221,7 +202,7 @@ EFFECTS: Final = (
         first_form="droop",
         station="load",
         acts_on="wheel joint",
-        parameters=(_DAMPING, _ANSWER),
+        parameters=(_DAMPING, ANSWER),
         summary="A torque against the wheel's motion in proportion to its speed.",
         signature="The same relative loss at every speed; none with integral action in the drive.",
         direct_check=_CURRENT,
@@ -236,12 +217,12 @@ EFFECTS: Final = (
         name="viscous_friction/washed_out",
         station="load",
         acts_on="wheel joint",
-        parameters=(_DAMPING, _ANSWER, _WASHOUT),
+        parameters=(_DAMPING, ANSWER, WASHOUT),
         summary="The same torque, on a drive whose integral action makes up for it within the wash-out time.",
         signature="A loss in proportion to the last change of speed, which fades; steady speeds are reached.",
         direct_check=_CURRENT,
         load=lambda values: Load(damping_n_m_s_rad=values["damping_n_m_s_rad"]),
-        change_model=_washed_out,
+        change_model=washed_out,
         change_drive=_loads(_viscous),
         change_spec=_damped_joints,
         change_planar=_damped_body,

@@ -8,6 +8,7 @@ from typing import Final
 
 from mecanum_env.effects.definition import Effect, Parameter, Values
 from mecanum_env.effects.drive import POSITIVE
+from mecanum_env.effects.integral_action import ANSWER, WASHOUT, answering, washed_out
 from mecanum_env.units import RAD_S_PER_RPM
 from mecanum_env.wheel_drive.drive import DriveParameters
 
@@ -17,6 +18,12 @@ _FEW_GAPS_DEG: Final = (0.5, 2, 8, 32)
 _ELASTIC_GAPS_DEG: Final = (4, 32)
 _SWINGS_HZ: Final = tuple(1.4 * 2.0 ** (i / 8) for i in range(25))
 """So near each other, 9 %, that a swing between two of them is in step with one for five periods."""
+_RIPPLE: Final = (
+    Parameter("per_turn", "1", None, (0.5, 30.0), default=1.0, searched=False),
+    Parameter("share", "1", 0.0, (0.0, 0.5), (0.0, 1.0), scan=(0.02, 0.1)),
+    Parameter("torque_n_m", "N m", 0.0, (0.0, 0.6), scan=(0.01, 0.05), relative=True),
+    Parameter("phase_deg", "deg", None, (-180.0, 180.0), (-math.inf, math.inf), searched=False),
+)
 
 
 def _coasting(drive: DriveParameters, values: Values, _wheel: str | None) -> DriveParameters:
@@ -135,17 +142,24 @@ EFFECTS: Final = (
         first_form="load",
         station="load",
         acts_on="wheel joint",
-        parameters=(
-            Parameter("per_turn", "1", None, (0.5, 30.0), default=1.0, searched=False),
-            Parameter("share", "1", 0.0, (0.0, 0.5), (0.0, 1.0), scan=(0.02, 0.1)),
-            Parameter("torque_n_m", "N m", 0.0, (0.0, 0.6), scan=(0.01, 0.05), relative=True),
-            Parameter("phase_deg", "deg", None, (-180.0, 180.0), (-math.inf, math.inf), searched=False),
-        ),
+        parameters=_RIPPLE,
         summary="A torque that swings with the wheel's angle: constant, or one that makes the speed swing by "
         "this share of itself (cogging, an eccentric gear).",
         signature="The speed swings a whole number of times per turn, at a frequency that grows with speed.",
         direct_check="the speed against the wheel's angle at a slow steady command",
         realistic=lambda model: {"per_turn": 6.0, "torque_n_m": 0.02 * model.robot.servo_n_m_s_rad},
         change_drive=_ripple,
+    ),
+    Effect(
+        name="torque_ripple/washed_out",
+        station="load",
+        acts_on="wheel joint",
+        parameters=(*_RIPPLE, ANSWER, WASHOUT),
+        summary="The same torque, on a drive whose integral action works against it: slow swings vanish, and "
+        "those about as fast as the drive answers may grow.",
+        signature="The speed swings a whole number of times per turn, hardly at slow speeds.",
+        direct_check="the speed against the wheel's angle at several steady commands",
+        change_model=washed_out,
+        change_drive=lambda drive, values, wheel: answering(_ripple(drive, values, wheel), values),
     ),
 )

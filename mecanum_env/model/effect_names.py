@@ -47,6 +47,7 @@ _SCHEMA: Final[dict[str, tuple[str, ...]]] = {
     "viscous_friction": ("damping_n_m_s_rad", "answer_s"),
     "viscous_friction/washed_out": ("damping_n_m_s_rad", "answer_s", "washout_s"),
     "torque_ripple": ("per_turn", "share", "torque_n_m", "phase_deg"),
+    "torque_ripple/washed_out": ("per_turn", "share", "torque_n_m", "phase_deg", "answer_s", "washout_s"),
     "roller_friction": ("torque_n_m", "damping_n_m_s_rad"),
     "low_grip": ("friction",),
     "payload": ("mass_kg", "height_m"),

@@ -52,6 +52,12 @@ class Coordinate:
         return vector or (self.parameter,)
 
     @property
+    def has_neutral(self) -> bool:
+        """Whether the effect does nothing where the parameter has some value."""
+        known = CATALOGUE[self.effect].parameters
+        return any(p.name == self.parameter and p.neutral is not None for p in known)
+
+    @property
     def logarithmic(self) -> bool:
         """Whether equal steps of the place are equal ratios of the value."""
         return self.low > 0.0 and self.high > _LOGARITHMIC * self.low
@@ -158,6 +164,14 @@ class EffectSet:
     def owners(self) -> tuple[str, ...]:
         """The effect that each free parameter belongs to, shape (p,)."""
         return tuple(coordinate.effect for coordinate in self.coordinates)
+
+    def decisive(self, base: Model) -> tuple[bool, ...]:
+        """Return which free parameters say by themselves that an effect acts, shape (p,).
+
+        A parameter without a neutral value, such as a time constant, says how an effect acts and not that it
+        does; only of an effect that the `base` model has already it says that something changed.
+        """
+        return tuple(c.effect in base.effects or c.has_neutral for c in self.coordinates)
 
     def start(self) -> FloatArray:
         """Return the place nearest to neutral, shape (p,)."""

@@ -295,11 +295,13 @@ def _free(
 ) -> EffectSet:
     """Return the effect with those parameters free to which these logs respond."""
     full = effect_set(base, [name], scale=scale)
-    if CATALOGUE[name].follows_angle:
-        return together[0].chosen
-    shown = {c for response in (*clear, *together) for c in response.chosen.coordinates}
     # A height or a heading matters only together with its mass or slope.
     beside = {p.name for p in CATALOGUE[name].parameters if p.neutral is None}
+    if CATALOGUE[name].follows_angle:
+        own = together[0].chosen
+        more = (c for c in full.coordinates if c.parameter in beside and c not in own.coordinates)
+        return EffectSet(own.names, (*own.coordinates, *more), own.fixed)
+    shown = {c for response in (*clear, *together) for c in response.chosen.coordinates}
     if any(c.effect == name and math.isinf(c.neutral) for c in shown):
         # So does the softness of a limit matter only with a limit that the model does not have.
         beside |= {c.parameter for c in full.coordinates if math.isfinite(c.neutral)}

@@ -246,14 +246,14 @@ def interval_ends(
 def doubtful(problem: ResidualProblem, fitted: Fitted[EffectSet], inflation: float) -> tuple[str, ...]:
     """Return the effects of a set that may as well be none.
 
-    No parameter of such an effect is surely away from neutral. Of several parameters each may be vague where
-    the effect as a whole is not, such as a share that is reached after an unknown time; the whole is sure if
-    the runs agree that it is there, at whatever size. `inflation` is the residual variance of the best fit
-    relative to the expected one.
+    No parameter that says that it acts is surely away from neutral. Of several parameters each may be vague
+    where the effect as a whole is not, such as a share that is reached after an unknown time; the whole is
+    sure if the runs agree that it is there, at whatever size. `inflation` is the residual variance of the
+    best fit relative to the expected one.
     """
     low, high = interval_ends(problem, fitted, inflation)
     neutral = fitted.candidate.start()
-    clear = (neutral < low) | (neutral > high)
+    clear = np.array(fitted.candidate.decisive(problem.base)) & ((neutral < low) | (neutral > high))
     owners = fitted.candidate.owners
     sure = {effect for effect, is_clear in zip(owners, clear, strict=True) if is_clear}
     vague = [name for name in fitted.names if name not in sure]

@@ -20,13 +20,19 @@ WASHOUT: Final = Parameter(
 
 
 def answering(drive: DriveParameters, values: Values) -> DriveParameters:
-    """Return a drive that answers its loads as late as one of them says; of several the latest counts."""
+    """Return a drive that answers its loads as late as the `values` of one say.
+
+    Of several the latest answer counts.
+    """
     answer_s = max(drive.load.answer_s, values["answer_s"])
     return replace(drive, load=replace(drive.load, answer_s=answer_s))
 
 
 def washed_out(model: Model, values: Values) -> Model:
-    """Give the drive integral action; of several the strongest counts, the model's own included."""
+    """Return the model with the integral action that the `values` of a load ask for.
+
+    Of several the strongest counts, the model's own included.
+    """
     robot = model.robot
     action = max(robot.servo_integral_n_m_rad, robot.servo_n_m_s_rad / values["washout_s"])
     return replace(model, robot=replace(robot, servo_integral_n_m_rad=action))

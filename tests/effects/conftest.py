@@ -67,6 +67,10 @@ BESIDE = {
     ("warm_up/friction", "time_constant_s"): {"share": 0.8},
     ("torque_ripple", "per_turn"): {"torque_n_m": 0.5},
     ("torque_ripple", "phase_deg"): {"torque_n_m": 0.5},
+    **{
+        ("torque_ripple/washed_out", shape): {"torque_n_m": 0.5}
+        for shape in ("per_turn", "phase_deg", "answer_s", "washout_s")
+    },
     ("encoder_eccentricity", "per_turn"): {"share": 0.1},
     ("encoder_eccentricity", "phase_deg"): {"share": 0.1},
     ("sensor_bias/drift", "per_s"): {"vx_m_s": 0.1},

@@ -31,7 +31,8 @@ command_deadband command_deadband/subtract speed_gain wheel_gain_mismatch direct
 battery_sag battery_sag/voltage warm_up warm_up/friction static_map speed_saturation speed_saturation/supply
 acceleration_limit acceleration_limit/drive acceleration_limit/s_curve load_inertia
 weak_servo backlash backlash/rest backlash/spring coulomb_friction coulomb_friction/washed_out
-stiction stiction/washed_out viscous_friction viscous_friction/washed_out torque_ripple
+stiction stiction/washed_out viscous_friction viscous_friction/washed_out
+torque_ripple torque_ripple/washed_out
 roller_friction low_grip payload com_offset wheel_radius track_width floor_slope
 mount_yaw encoder_eccentricity
 sensor_latency sensor_latency/wheels sensor_latency/body sensor_latency/pose

@@ -131,6 +131,17 @@ def test_a_share_makes_the_swing_grow_with_speed(base, command):
     assert np.ptp(late) / 2 == pytest.approx(0.1 * command, rel=0.05)
 
 
+@pytest.mark.parametrize("command", [25.0, 50.0, 120.0])
+def test_integral_action_works_against_slow_swings(base, command):
+    values = {"per_turn": 3.0, "torque_n_m": 0.1, "washout_s": 0.1}
+    model = base.with_effect("torque_ripple", "washed_out", **values)
+    late = replay_bench(model, TIME, np.full(TIME.shape, command))[TIME > 1.0]
+    # A first-order high-pass of the wash-out time at the frequency of the swing.
+    turn = 3.0 * command * RAD_S_PER_RPM * 0.1
+    full = 0.1 / base.robot.servo_n_m_s_rad / RAD_S_PER_RPM
+    assert np.ptp(late) / 2 == pytest.approx(full * turn / np.hypot(1.0, turn), rel=0.05)
+
+
 def test_the_phase_is_where_the_run_starts(base):
     ahead, behind = (
         rippled(base, 30.0, per_turn=1.0, torque_n_m=0.5, phase_deg=phase) for phase in (90.0, -90.0)

@@ -54,6 +54,12 @@ EFFECTS = {
         "torque_n_m": st.floats(0.0, 1.0),
         "phase_deg": st.floats(-180.0, 180.0),
     },
+    "torque_ripple/washed_out": {
+        "per_turn": st.floats(1.0, 24.0),
+        "torque_n_m": st.floats(0.0, 1.0),
+        "answer_s": ANSWERS,
+        "washout_s": st.floats(0.05, 5.0),
+    },
 }
 
 

@@ -95,6 +95,18 @@ def test_the_residual_says_which_frequency_to_try() -> None:
     assert likely_frequencies(problem.base_residual, predictions, blocks, rows, 1) == (18,)
 
 
+def test_a_ripple_against_integral_action_is_found_with_its_times() -> None:
+    true = {"per_turn": 6.0, "torque_n_m": 0.8, "answer_s": 0.03, "washout_s": 0.08}
+    problem = problem_of(turned_logs("torque_ripple/washed_out", **true))
+    name = "torque_ripple/washed_out"
+    search = Search(problem, Library(responses(problem, [name])), SearchEffort())
+    search.grow(1)
+    found = search.best_fit
+    assert found.candidate.owners == (name,) * 3
+    values = found.candidate.model(MODEL, found.place).effects[name]
+    assert {key: values[key] for key in true} == pytest.approx(true, rel=0.2)
+
+
 def test_a_phase_that_cancels_a_huge_residual_costs_nothing_below_zero() -> None:
     logs = turned_logs("torque_ripple", torque_n_m=0.3, per_turn=6.0)
     problem = problem_of(logs)

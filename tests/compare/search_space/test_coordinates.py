@@ -103,6 +103,14 @@ def test_the_search_starts_at_the_values_of_the_model() -> None:
     assert effect_set(late, ["command_latency"]).start()[0] > 0.0
 
 
+def test_a_time_constant_says_that_an_effect_acts_only_where_the_model_has_it() -> None:
+    warm = effect_set(paper_model(), ["warm_up"])
+    assert [c.parameter for c in warm.coordinates] == ["share", "time_constant_s"]
+    assert warm.decisive(paper_model()) == (True, False)
+    known = paper_model().with_effect("warm_up", share=0.1, time_constant_s=20.0)
+    assert effect_set(known, ["warm_up"]).decisive(known) == (True, True)
+
+
 def test_joined_sets_have_both_effects_in_the_order_of_the_chain() -> None:
     both = joined(effect_set(MODEL, ["sensor_latency"]), effect_set(MODEL, ["command_latency"]))
     assert both.names == ("command_latency", "sensor_latency")

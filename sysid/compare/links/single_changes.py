@@ -1,26 +1,24 @@
 """How likely each delay of each single change of a command is, under a model, from bench logs.
 
 A model predicts the logs with every change at its delay. The likelihood of another delay of one change
-follows without another simulation, since the law is linear: the change's step response is moved.
+follows without another simulation: the model's response to a step of that size, from the speed held before,
+is moved. A law alone would do for small steps; a limit of the acceleration makes large ones rise otherwise.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
-from mecanum_env.effects.apply import drive_parameters
 from mecanum_env.model import Model
 from mecanum_env.simulator.bench import bench_motions
 from mecanum_env.simulator.free_wheel import BenchRun
 from mecanum_env.statistics import MEDIAN_OF_NORMAL
 from mecanum_env.units import FloatArray
-from mecanum_env.wheel_drive.drive import shaped_command
 from sysid.compare.links.changes import GRID_S, LONGEST_S, Change
 from sysid.compare.links.common_delay import TAIL
 from sysid.compare.measured import start_of
@@ -28,6 +26,8 @@ from sysid.logs import Run
 
 _AFTER_S: Final = 0.6
 """Time beyond the longest delay that a change's samples are compared for [s]: a drive's response is over."""
+_SETTLED_S: Final = 1.0
+"""Time for which the command before a change is held before its response is simulated [s]."""
 _FEW_SAMPLES: Final = 5  # a change seen in fewer samples tells nothing
 
 
@@ -51,19 +51,18 @@ class SeenChanges:
 
     def __init__(self, model: Model, runs: Sequence[Run], changes: Sequence[Change]) -> None:
         self._model, self._runs, self._changes = model, runs, changes
-        self._steps_rpm = _steps_rpm(model, changes)
-        self._response = _Response(model)
+        self._responses = _responses(model, changes)
         self._windows = _windows(runs, changes)
 
     def likelihoods(self, delay_s: FloatArray, lost: npt.NDArray[np.bool_]) -> Likelihoods:
         """Return how likely each delay of each change is, the others at `delay_s` [s] or `lost`, (n,)."""
         predicted, rests = self._predicted(delay_s, lost), []
         for i, (window, change) in enumerate(zip(self._windows, self._changes, strict=True)):
-            speed, step = np.interp(window.time_s, *predicted[change.run]), self._steps_rpm[i]
+            speed, response = np.interp(window.time_s, *predicted[change.run]), self._responses[i]
             since = window.time_s - change.given_s
             # Without this change; then with it at any delay.
-            bare = speed - (0.0 if lost[i] else step) * self._response.at(since - delay_s[i])
-            moved = step * self._response.at(since[:, None] - GRID_S[None, :])
+            bare = speed - (0.0 if lost[i] else response.at(since - delay_s[i]))
+            moved = response.at(since[:, None] - GRID_S[None, :])
             rests.append(
                 window.value[:, None] - bare[:, None] - np.column_stack([moved, np.zeros(since.size)])
             )
@@ -79,10 +78,10 @@ class SeenChanges:
         noise has a size of `noise_rpm` [rpm].
         """
         found = [np.zeros(run.time_s.size) for run in self._runs]
-        for change, step, weight in zip(self._changes, self._steps_rpm.tolist(), weights, strict=True):
+        for change, response, weight in zip(self._changes, self._responses, weights, strict=True):
             time = self._runs[change.run].time_s - change.given_s
             rows = np.flatnonzero((time >= 0.0) & (time < LONGEST_S + _AFTER_S))
-            speed = step / noise_rpm * self._response.at(time[rows][:, None] - GRID_S[None, :])
+            speed = response.at(time[rows][:, None] - GRID_S[None, :]) / noise_rpm
             mean = speed @ weight
             found[change.run][rows] += np.maximum(speed**2 @ weight - mean**2, 0.0)
         return tuple(found)
@@ -125,33 +124,32 @@ def _windows(runs: Sequence[Run], changes: Sequence[Change]) -> list[_Window]:
     return found
 
 
-def _steps_rpm(model: Model, changes: Sequence[Change]) -> FloatArray:
-    """Return by how much each change moves a settled wheel [rpm], friction left aside, shape (n,)."""
-    drive, gain = drive_parameters(model), model.wheel.law.dc_gain
-    ends = np.array([(change.before_rpm, change.after_rpm) for change in changes]).reshape(-1, 2)
-    reached = np.asarray(shaped_command(drive, ends, 0.0), float)
-    return np.asarray(gain * (reached[:, 1] - reached[:, 0]))
-
-
+@dataclass(frozen=True, eq=False)
 class _Response:
-    """The response of a model's law to a step of 1 rpm, and of gain 1."""
+    """What a change of the command does to a model's speed."""
 
-    def __init__(self, model: Model) -> None:
-        run = BenchRun(np.zeros(1), np.ones(1), LONGEST_S + 2.0 * _AFTER_S)
-        self._clock, self._speed = bench_motions([_unit(model)], [run])[0][0]
+    since_s: FloatArray
+    """Times since the change acts [s]."""
+    speed_rpm: FloatArray
+    """Change of the speed [rpm]."""
 
     def at(self, since_s: FloatArray) -> FloatArray:
-        """Return the response [rpm] at times since the step [s], of any shape."""
-        return np.interp(since_s, self._clock, self._speed, left=0.0)
+        """Return the change of the speed [rpm] at times since it acts [s], of any shape."""
+        return np.interp(since_s, self.since_s, self.speed_rpm, left=0.0)
 
 
-def _unit(model: Model) -> Model:
-    """Return the model's law alone, without what limits or changes a command of 1 rpm."""
-    wheel = replace(model.wheel, command_quantum_rpm=0.0, saturation_rpm=math.inf)
-    law = wheel.law
-    gain = law.dc_gain
-    law = replace(law, D=law.D / gain, E=law.E / gain, F=law.F / gain)
-    return Model(replace(wheel, law=law), model.robot)
+def _responses(model: Model, changes: Sequence[Change]) -> list[_Response]:
+    """Return the response of a model to each change, from the speed at which the command before holds it."""
+    steps = [(change.before_rpm, change.after_rpm) for change in changes]
+    different = list(dict.fromkeys(steps))
+    seconds = _SETTLED_S + LONGEST_S + 2.0 * _AFTER_S
+    at = np.array([0.0, _SETTLED_S])
+    runs = [BenchRun(at, np.array(step), seconds, initial_rpm=step[0]) for step in different]
+    found = {}
+    for step, (clock_s, speed) in zip(different, bench_motions([model], runs)[0], strict=True):
+        start = int(np.searchsorted(clock_s, _SETTLED_S - 1e-9))
+        found[step] = _Response(clock_s[start:] - clock_s[start], speed[start:] - speed[start])
+    return [found[step] for step in steps]
 
 
 def _log_likelihood(scaled: FloatArray) -> FloatArray:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from mecanum_env.model import Model
+from mecanum_env.model import Model, paper_model
 from mecanum_env.units import FloatArray
 from sysid.compare.links import LinkClock, LinkDelays, link_delays
 from sysid.logs import Dataset
@@ -22,6 +22,11 @@ def found(model: Model, at_once: LinkClock, delayed: MakeLogs) -> Callable[[Floa
     return lambda truth: link_delays(model, delayed(truth).runs, at_once)
 
 
+@pytest.mark.parametrize(
+    "model",
+    [paper_model(), paper_model().with_effect("acceleration_limit", limit_rpm_s=80.0)],
+    ids=["law", "a limit that stretches large steps"],
+)
 def test_the_delay_of_each_change_is_found(found, spread_delays: MakeDelays) -> None:
     truth = spread_delays(0)
     delays = found(truth)

@@ -18,7 +18,7 @@ from sysid.gap.search import ties
 from sysid.gap.search.chance import Floor
 from sysid.gap.search.scores import ScoredSet, doubtful, interval_ends
 from sysid.gap.search.thresholds import THRESHOLDS
-from sysid.gap.search.ties import formula_error, friction_first, in_first_forms, with_fewer
+from sysid.gap.search.ties import formula_error, friction_first, in_first_forms, tied, with_fewer
 
 from .conftest import MakeLogs
 
@@ -137,6 +137,21 @@ def test_friction_comes_before_a_dead_zone_that_looks_like_it() -> None:
     assert friction_first((dead, other)) == (dead, other)
     assert friction_first((other, dead, rubbing)) == (other, dead, rubbing)
     assert friction_first(()) == ()
+
+
+def test_friction_is_no_repetition_of_the_dead_zone_that_looks_like_it(search: Any) -> None:
+    def one(name: str, count: int, cost: float) -> ScoredSet:
+        candidate = SimpleNamespace(parameter_count=count)
+        fitted: Any = SimpleNamespace(
+            names=(name,), cost=cost, candidate=candidate, residual=np.array([np.sqrt(cost)])
+        )
+        return ScoredSet(fitted, np.array([cost]))
+
+    search.shared = lambda *_: search.base
+    dead, rubbing = one("command_deadband/subtract", 1, 100.0), one("coulomb_friction", 2, 101.0)
+    late, asymmetric = one("sensor_latency", 1, 102.0), one("direction_asymmetry", 2, 103.0)
+    # All four predict the same; of those with two parameters friction alone may be the truth.
+    assert tied(search, FLOOR, dead, [dead, rubbing, late, asymmetric], 1.0) == (dead, rubbing, late)
 
 
 def test_harmful_and_doubtful_effects_are_not_listed(search: Any, monkeypatch: pytest.MonkeyPatch) -> None:

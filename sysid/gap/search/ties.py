@@ -48,10 +48,15 @@ def friction_first(as_good: Sequence[ScoredSet]) -> tuple[ScoredSet, ...]:
 
     The first one is added to the model; all are reported.
     """
-    if not as_good or DEAD_ZONE_LIKE_IT not in as_good[0].names:
-        return tuple(as_good)
-    wanted = {COULOMB if name == DEAD_ZONE_LIKE_IT else name for name in as_good[0].names}
-    return tuple(sorted(as_good, key=lambda one: set(one.names) != wanted))
+    if not as_good:
+        return ()
+    return tuple(sorted(as_good, key=lambda one: not _is_friction_of(one, as_good[0])))
+
+
+def _is_friction_of(one: ScoredSet, other: ScoredSet) -> bool:
+    """Return whether a set has friction where another one has the dead zone that looks the same."""
+    wanted = {COULOMB if name == DEAD_ZONE_LIKE_IT else name for name in other.names}
+    return DEAD_ZONE_LIKE_IT in other.names and set(one.names) == wanted
 
 
 def with_causes(
@@ -229,10 +234,13 @@ def _tolerance(
 def _repeats(search: Search, one: ScoredSet, other: ScoredSet, inflation: float) -> bool:
     """Return whether a set predicts what another predicts, up to formula errors, with more parameters.
 
-    Its score must be no better: a needless parameter costs, so that one that pays may be the truth.
+    Its score must be no better: a needless parameter costs, so that one that pays may be the truth. Friction,
+    which may answer late, is no repetition of a dead zone that looks the same (`friction_first`).
     """
     if one.names == other.names:
         return True
+    if _is_friction_of(one, other):
+        return False
     more = one.fitted.candidate.parameter_count > other.fitted.candidate.parameter_count
     more = more and one.score >= other.score
     square = float(np.sum((one.fitted.residual - other.fitted.residual) ** 2)) / inflation

@@ -14,7 +14,7 @@ from sysid.compare.measured import observe
 from sysid.compare.model_error import Whitener
 from sysid.compare.noise import measure_noise
 from sysid.compare.search_space import effect_set
-from sysid.gap.search import further, ties
+from sysid.gap.search import ties
 from sysid.gap.search.chance import Floor
 from sysid.gap.search.scores import ScoredSet, doubtful, interval_ends
 from sysid.gap.search.thresholds import THRESHOLDS
@@ -152,28 +152,6 @@ def test_friction_is_no_repetition_of_the_dead_zone_that_looks_like_it(search: A
     late, asymmetric = one("sensor_latency", 1, 102.0), one("direction_asymmetry", 2, 103.0)
     # All four predict the same; of those with two parameters friction alone may be the truth.
     assert tied(search, FLOOR, dead, [dead, rubbing, late, asymmetric], 1.0) == (dead, rubbing, late)
-
-
-@pytest.mark.parametrize(
-    ("first", "second", "bench", "is_residue"),
-    [
-        (300.0, 190.0, True, False),
-        (300.0, 220.0, True, True),
-        (300.0, 190.0, False, True),
-        (140.0, 101.0, True, True),
-    ],
-    ids=["most of it", "some of it", "on a robot", "hardly visible"],
-)
-def test_a_second_effect_that_removes_most_of_what_is_left_is_no_residue(
-    first: float, second: float, bench: bool, is_residue: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(further, "expected", lambda *_: 100.0)
-    monkeypatch.setattr(further, "complete", lambda *_: False)
-    monkeypatch.setattr(further, "formula_error", lambda *_: THRESHOLDS.formula_error)
-    problem: Any = SimpleNamespace(bench=bench)
-    one, two = a_set(first, "backlash").fitted, a_set(second, *PAIR).fitted
-    share = further.residue(problem, FLOOR, a_set(9000.0).fitted, one, two)
-    assert share == (THRESHOLDS.formula_error**2 * (9000.0 - first) if is_residue else 0.0)
 
 
 def test_harmful_and_doubtful_effects_are_not_listed(search: Any, monkeypatch: pytest.MonkeyPatch) -> None:

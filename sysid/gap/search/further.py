@@ -59,16 +59,11 @@ def residue(
     """Return how much of the cost that a set lowers may be what imperfect formulas of a smaller one leave.
 
     The residue of an imperfect formula can mimic another effect, and so can that of an imperfect fit. It is
-    none of it where the smaller set leaves plainly more than a right model, and the larger one does not. Nor
-    is it on the bench where a second effect removes most of what the first one leaves: a wrong one describes
-    some of the residue of a formula, and hardly most of it.
+    none of it where the smaller set leaves plainly more than a right model and the larger one does not.
     `base` is the fit of no effects.
     """
-    if visible(problem, smaller):
-        left = smaller.cost - expected(problem, smaller)
-        removes_most = smaller.cost - larger.cost >= THRESHOLDS.most_of_residue * left
-        if complete(problem, larger, floor) or (removes_most and problem.bench and len(larger.names) == 2):
-            return 0.0
+    if visible(problem, smaller) and complete(problem, larger, floor):
+        return 0.0
     share = formula_error(problem, floor, larger, smaller)
     return share**2 * max(0.0, base.cost - smaller.cost)
 

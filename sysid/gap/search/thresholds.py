@@ -57,11 +57,6 @@ class Thresholds:
     """Share of the squared difference above the noise from which a set keeps its name although a free term
     does better: it is then most of what happened. Where something random acts, share of the whole squared
     difference, since the noise of repeats is part of what happened. Assumed."""
-    most_of_residue: float = 0.5
-    """Share of what one effect leaves beyond a right model from which a second one that removes it is no
-    residue of the first one's formula. Calibrated on drawn drives (bench seeds 700-774, the commands of the
-    fit): where the size of the residue spoke against it, a second effect that is there removes 67 and 88 %,
-    one that is not at most 32 % (but for 70 % of a triple)."""
     plainly_visible: float = 1.5
     """Cost ratio above which an effect that brings the residual to the noise floor is accepted without the
     formula-error penalty: an error this far above expectation is not the residue of a formula. Also the ratio

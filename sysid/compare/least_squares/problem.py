@@ -88,7 +88,11 @@ class ResidualProblem:
             self.correction, self.nuisance = learned.expected_error(whitener, self.simulators, at)
             self.measured = self.measured - self.correction
         unchanged = self.simulators.averaged if self.knows_all else self.simulators.full
-        self.base_residual = self.measured - whitener.whiten(unchanged.predictions(base))
+        residual = self._residual(unchanged, base)
+        # The simulation that cannot be made says why.
+        self.base_residual = (
+            self.measured - whitener.whiten(unchanged.predictions(base)) if residual is None else residual
+        )
         if learned is None:
             self.nuisance = self._nuisance()
         """X, shape (N, q)."""

@@ -77,6 +77,17 @@ def test_the_phase_of_a_model_does_not_matter() -> None:
     np.testing.assert_array_equal(here, there)
 
 
+def test_the_phases_of_a_ripple_that_the_model_has_already_are_unknown_too() -> None:
+    logs = turned_logs("torque_ripple", per_turn=5.0, torque_n_m=0.5)
+    observations = observe(logs)
+    known = MODEL.with_effect("torque_ripple", per_turn=5.0, torque_n_m=0.5)
+    problem = ResidualProblem(known, Whitener(observations, measure_noise(logs, observations), None))
+    np.testing.assert_array_equal(problem.base_residual, problem.residual(known))
+    neutral = known.with_effect("encoder_eccentricity", per_turn=9.0, share=0.0)
+    np.testing.assert_array_equal(problem.base_residual, problem.residual(neutral))
+    assert problem.base_residual @ problem.base_residual < 1.3 * problem.size
+
+
 def test_an_effect_that_is_not_there_is_not_rewarded_for_its_free_phases() -> None:
     problem = problem_of(turned_logs("encoder_eccentricity", per_turn=3.0, share=0.0))
     base = problem.residual(MODEL)

@@ -22,6 +22,9 @@ from sysid.compare.links.in_model import JITTER, LOSS, delay_of, on_time, said, 
 from sysid.logs import BenchCommand, Dataset, Run
 
 _SPEED: Final = "speed_rpm"
+_FARTHEST: Final = 4.0
+"""Standard deviations of a stated jitter from the common delay within which a change acts: of normal delays
+one in 16,000 lies beyond."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,11 +59,20 @@ class AlignedLogs:
 
     @classmethod
     def stated(cls, dataset: Dataset, given: Model) -> AlignedLogs | None:
-        """Return bench logs aligned, if the `given` model says that their link jitters or loses commands."""
+        """Return bench logs aligned, if the `given` model says that their link jitters or loses commands.
+
+        A jitter of the stated size makes no change far later than the others. What does, such as a gap in a
+        gear at reversals, is left to be found.
+        """
         if dataset.level != "bench" or not varies(given):
             return None
         clock = LinkClock.of(given)
-        return cls.of(dataset, given, clock, link_delays(given, dataset.runs, clock))
+        delays = link_delays(given, dataset.runs, clock)
+        if LOSS not in given.effects:
+            most_s = _FARTHEST * given.effects[JITTER]["jitter_s"]
+            near_s = np.clip(delays.delay_s, delays.mean_s - most_s, delays.mean_s + most_s)
+            delays = replace(delays, delay_s=near_s)
+        return cls.of(dataset, given, clock, delays)
 
     @property
     def model(self) -> Model:

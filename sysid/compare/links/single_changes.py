@@ -7,6 +7,7 @@ is moved. A law alone would do for small steps; a limit of the acceleration make
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -142,13 +143,17 @@ def _responses(model: Model, changes: Sequence[Change]) -> list[_Response]:
     """Return the response of a model to each change, from the speed at which the command before holds it."""
     steps = [(change.before_rpm, change.after_rpm) for change in changes]
     different = list(dict.fromkeys(steps))
-    seconds = _SETTLED_S + LONGEST_S + 2.0 * _AFTER_S
-    at = np.array([0.0, _SETTLED_S])
-    runs = [BenchRun(at, np.array(step), seconds, initial_rpm=step[0]) for step in different]
+    # On the clock of arrivals, so that the response is not late by a part of its period.
+    settled_s = math.ceil(_SETTLED_S / model.wheel.command_period_s) * model.wheel.command_period_s
+    duration_s, at = settled_s + LONGEST_S + 2.0 * _AFTER_S, np.array([0.0, settled_s])
+    # A slow pole may not have settled: its drift is there without the change, too.
+    both = [levels for before, after in different for levels in ((before, after), (before, before))]
+    runs = [BenchRun(at, np.array(levels), duration_s, initial_rpm=levels[0]) for levels in both]
+    motions = bench_motions([model], runs)[0]
     found = {}
-    for step, (clock_s, speed) in zip(different, bench_motions([model], runs)[0], strict=True):
-        start = int(np.searchsorted(clock_s, _SETTLED_S - 1e-9))
-        found[step] = _Response(clock_s[start:] - clock_s[start], speed[start:] - speed[start])
+    for step, (clock_s, changed), (_, held) in zip(different, motions[::2], motions[1::2], strict=True):
+        start = int(np.searchsorted(clock_s, settled_s - 1e-9))
+        found[step] = _Response(clock_s[start:] - settled_s, (changed - held)[start:])
     return [found[step] for step in steps]
 
 

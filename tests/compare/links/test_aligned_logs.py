@@ -40,6 +40,17 @@ def test_aligned_logs_are_predicted_with_one_delay(
     assert error_rpm(same.dataset, same.model) < 0.5 * error_rpm(delayed(spread_delays(4)), late)
 
 
+def test_a_stated_jitter_makes_no_change_far_later_than_the_others(
+    model: Model, delayed: MakeLogs, spread_delays: MakeDelays
+) -> None:
+    delays = spread_delays(4, spread_s=0.01)
+    delays[3, 1] += 0.25
+    stated = model.with_effect("command_latency", "jitter", delay_s=0.12, jitter_s=0.01)
+    late = AlignedLogs.stated(delayed(delays), stated)
+    assert late is not None
+    assert late.delays.delay_s[7] == pytest.approx(late.delays.mean_s + 0.04)
+
+
 def test_logs_are_aligned_where_the_model_says_that_their_link_jitters_or_loses(
     model: Model, delayed: MakeLogs, spread_delays: MakeDelays
 ) -> None:

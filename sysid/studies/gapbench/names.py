@@ -41,7 +41,6 @@ EQUATIONS: Final = {
     "viscous_friction": "w = r - (damping / servo stiffness) w at steady speed",
     "viscous_friction/washed_out": "the same loss, decaying as exp(-t / washout) by integral action",
     "torque_ripple": "w swings as share w sin(per_turn angle + phase), or by a constant torque",
-    "torque_ripple/washed_out": "the same torque, slow swings overcome by integral action",
     "encoder_eccentricity": "measured = w (1 + share sin(per_turn angle + phase))",
     "sensor_latency": "measured(t) = w(t - delay)",
     "sensor_lowpass": "time_constant d(measured)/dt = w - measured",

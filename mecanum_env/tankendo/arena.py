@@ -274,24 +274,27 @@ class Arena:
         return self.instruments.observe(self.scenes, self._now_s(), self.fighter.sword, shares, noise, extra)
 
     def observe_first(self, rows: RowArray) -> None:
-        """Bring `observed` up to date with episodes that have just begun in some rows (m,)."""
-        self.observed = self.observed.copy()
+        """Write what the sensors show of episodes that have just begun in some rows (m,) into `observed`."""
         self.observed[rows] = self._first_seen(rows)
 
     def _first_seen(self, rows: RowArray) -> npt.NDArray[np.float32]:
         """Return what the sensors show of episodes that have just begun in some rows (m,), shape (m, k)."""
         if self.sensing is not None or self.instruments.acts_on(rows):
             return self.observe()[rows]
-        # Players at rest and swords on guard, as any episode begins.
-        m = len(rows)
-        of, everybody = mathematics(m).of, np.arange(m)
-        scenes = Scenes(m, self.step_s, self.setting.sensors.delay_s)
-        scenes.restart(everybody, self.scenes.now[:, rows])
-        instruments = Instruments(m, self.setting.sensors, self.step_s, self.judge.extra_observations)
-        extra = [of(self._math.array(number)[rows]) for number in self.judge.observe()]
-        start_s, shares = of(np.zeros(m)), of(np.zeros((3, m)))
-        noise = self.chance.noise.first(rows)
-        return instruments.observe(scenes, start_s, Sword(m), shares, noise, extra)
+        extra = [self._math.array(number)[rows] for number in self.judge.observe()]
+        return self.instruments.observe_first(
+            self.scenes.now[:, rows], self.chance.noise.first(rows), extra
+        )
+
+    def first_info(self, rows: RowArray) -> dict[str, npt.NDArray[Any]]:
+        """Return what `state_info` says of episodes that have just begun in some rows (m,), arrays (m,)."""
+        distance, bearing = self.scenes.separation()
+        m, report = len(rows), self._arrays(self.judge.report())
+        return {
+            **{"distance_m": distance[rows], "bearing_rad": bearing[rows]},
+            **{"technique": np.full(m, -1), "warning_s": np.zeros(m)},  # the sword is on guard
+            **{name: values[rows] for name, values in report.items()},
+        }
 
     def tip(self, row: int, ago_s: float = 0.0) -> FloatArray:
         """Return the tip of the opponent's sword in a row a time before now: x, y, z [m], shape (3,)."""

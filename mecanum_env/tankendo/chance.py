@@ -187,9 +187,13 @@ class Noise:
         return np.asarray(self._made[self._all, step - _NOISE_STEPS * block].T, float)
 
     def first(self, rows: npt.NDArray[np.intp]) -> FloatArray:
-        """Return the noise at the start of the episodes in some rows (m,), shape (channels, m)."""
-        self._make(rows, np.zeros(len(rows), np.intp))
-        return np.asarray(self._made[rows, 0].T, float)
+        """Return the noise at the start of the episodes in some rows (m,), shape (channels, m).
+
+        It is made for that step alone: whoever goes on makes the others with it.
+        """
+        channels = self._made.shape[2]
+        size, angle = _polar(self._seeds[rows], np.arange(channels))
+        return np.asarray((size * np.cos(angle)).T, float)
 
     def _make(self, rows: npt.NDArray[np.intp], blocks: npt.NDArray[np.intp]) -> None:
         """Make the steps of some rows (m,) that are in their `blocks` (m,)."""
@@ -204,13 +208,21 @@ def _normal(
 ) -> npt.NDArray[np.float32]:
     """Return numbers of blocks of an even `count`, shape (m, count), for seeds and blocks (m,)."""
     half = count // 2
-    numbers = (blocks * half)[:, None] + np.arange(half)
-    bits = hashed(seeds[:, None], numbers.astype(np.uint64))
-    # The upper and the lower half of the bits, each a whole number below 2^32.
-    share = (bits >> _HALF).astype(np.float32) + _MIDDLE
-    angle = (bits & _LOWER).astype(np.float32) * _ANGLE
-    size = np.sqrt(_MINUS_TWO * np.log(share * _SHARE))
+    size, angle = _polar(seeds, (blocks * half)[:, None] + np.arange(half))
     made = np.empty((len(blocks), count), np.float32)
     np.multiply(size, np.cos(angle), out=made[:, :half])
     np.multiply(size, np.sin(angle), out=made[:, half:])
     return made
+
+
+def _polar(
+    seeds: npt.NDArray[np.uint64], numbers: npt.NDArray[np.intp]
+) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+    """Return sizes and angles [rad] of pairs of normal numbers, (m, k), for seeds (m,) and `numbers` (m, k).
+
+    The pair with one of the `numbers`, (k,) if they are the same for all seeds, is size times cos and sin.
+    """
+    bits = hashed(seeds[:, None], numbers.astype(np.uint64))
+    # The upper and the lower half of the bits, each a whole number below 2^32.
+    share = (bits >> _HALF).astype(np.float32) + _MIDDLE
+    return np.sqrt(_MINUS_TWO * np.log(share * _SHARE)), (bits & _LOWER).astype(np.float32) * _ANGLE

@@ -18,9 +18,9 @@ from mecanum_env.effects.apply import active_effects, measured
 from mecanum_env.kinematics import POSE, TWIST
 from mecanum_env.model import Model
 from mecanum_env.tankendo.constants import Sensors
-from mecanum_env.tankendo.numbers import Number, mathematics
+from mecanum_env.tankendo.numbers import Many, Mathematics, Number, mathematics
 from mecanum_env.tankendo.scene import Scenes
-from mecanum_env.tankendo.sword import Sword
+from mecanum_env.tankendo.sword import Place, Sword, on_guard
 from mecanum_env.units import FloatArray
 
 SIZE: Final = 20
@@ -137,15 +137,46 @@ class Instruments:
             extra: the k numbers that the task appends.
         """
         scene = scenes.seen(self._delay_s)
-        x, y, yaw, vx, vy, rate, other_x, other_y, _, other_vx, other_vy = scene
         tip, tip_velocity = sword.tip_and_velocity(time_s - self._delay_s, scene)
-        cos, sin = self._math.cos(yaw), self._math.sin(yaw)
+        shown = self._shown(self._math, scene, tip, tip_velocity, shares, extra)
+        x, y, yaw = scene[:3]
+        for row in self._affected:
+            pose = np.array([self._math.array(number)[row] for number in (x, y, yaw)])
+            self._apply_effects(row, shown, pose, float(self._math.array(time_s)[row]))
+        return self._read(shown, noise)
+
+    def observe_first(
+        self, scene: FloatArray, noise: FloatArray, extra: Sequence[Number]
+    ) -> npt.NDArray[np.float32]:
+        """Return what `observe` does of m episodes that begin in a `scene` (11, m): all rest, swords on guard.
+
+        `noise` has the shape (17, m), and `extra` has k numbers of arrays (m,). No sensor effect acts.
+        """
+        m = scene.shape[1]
+        math, (x, y, heading) = Many(m), scene[6:9]
+        nothing = np.zeros(m)
+        tip = on_guard((x, y), (math.cos(heading), math.sin(heading)))
+        shown = self._shown(math, list(scene), tip, (nothing,) * 3, (nothing,) * 3, extra)
+        return self._read(shown, noise)
+
+    def _shown(
+        self,
+        math: Mathematics,
+        scene: Sequence[Number],
+        tip: Place,
+        tip_velocity: Place,
+        shares: Sequence[Number],
+        extra: Sequence[Number],
+    ) -> FloatArray:
+        """Return what flawless sensors show of episodes by `math`, shape (20 + k, n)."""
+        x, y, yaw, vx, vy, rate, other_x, other_y, _, other_vx, other_vy = scene
+        cos, sin = math.cos(yaw), math.sin(yaw)
 
         def on_robot(along_x: Number, along_y: Number) -> tuple[Number, Number]:
             """Return a vector's components ahead of the robot and to its left."""
             return cos * along_x + sin * along_y, cos * along_y - sin * along_x
 
-        shown = self._math.table(
+        return math.table(
             [
                 *on_robot(other_x - x, other_y - y),
                 *on_robot(other_vx, other_vy),
@@ -157,9 +188,9 @@ class Instruments:
                 *extra,
             ]
         )
-        for row in self._affected:
-            pose = np.array([self._math.array(number)[row] for number in (x, y, yaw)])
-            self._apply_effects(row, shown, pose, float(self._math.array(time_s)[row]))
+
+    def _read(self, shown: FloatArray, noise: FloatArray) -> npt.NDArray[np.float32]:
+        """Return what is `shown`, shape (20 + k, n), with `noise` (17, n) and within its limits: (n, 20 + k)."""
         noise = self._sizes * noise
         # Named, since a sum in place of a slice is written back into the slice, too.
         before_command, behind_it = shown[:13], shown[16:20]

@@ -27,6 +27,8 @@ class Scenes:
         self._apart: tuple[Number, Number] | None = None
         self._newest: Sequence[Number] | None = None
         self._past = np.zeros((int(np.ceil(oldest_s / step_s)) + 3, 11, n))
+        # Where the numbers of the first row lie in memory: numpy fills an index of one axis fastest.
+        self._first = (np.arange(self._past[..., 0].size) * n).reshape(-1, 11, 1)
         # Where the newest is; older ones follow, around the end. To shift them all would take longer.
         self._at = 0
 
@@ -43,7 +45,7 @@ class Scenes:
 
     def restart(self, rows: RowArray, scenes: FloatArray) -> None:
         """Begin episodes in some rows (m,); the players have always been at rest in `scenes`, (11, m)."""
-        self._past[:, :, rows] = scenes
+        self._past.reshape(-1)[self._first + rows] = scenes
         self._newest = None
         if self._apart is None or self._past.shape[2] == 1:
             self._apart = None

@@ -133,7 +133,7 @@ class Sword(StrikeTimes):
         moves = (time_s < math.of(self.free_s)) & (time_s > math.of(self.raise_s))
         if not math.any(moves):
             # All swords are on guard: the formulae below would give the same in several times the time.
-            return x + GUARD_TIP_M * cos, y + GUARD_TIP_M * sin, GUARD_HEIGHT_M + 0.0 * x
+            return on_guard(centre, facing)
         shares = self.shares(time_s)
         ahead, (end_x, end_y) = shares.ahead(math.of(self.raised_m)), math.of(self.end)
         return (
@@ -150,6 +150,12 @@ class Sword(StrikeTimes):
         before = self.tip(time_s - span, (x - span * vx, y - span * vy), facing)
         along_x, along_y, up = ((late - early) / span for late, early in zip(now, before, strict=True))
         return now, (along_x, along_y, up)
+
+
+def on_guard(centre: tuple[Number, Number], facing: tuple[Number, Number]) -> Place:
+    """Return where the tip of a sword on guard is, given `centre` and `facing` as for `Sword.tip`."""
+    (x, y), (cos, sin) = centre, facing
+    return x + GUARD_TIP_M * cos, y + GUARD_TIP_M * sin, GUARD_HEIGHT_M + 0.0 * x
 
 
 def _smooth(share: Number) -> Number:

@@ -16,7 +16,7 @@ from mecanum_env.errors import InputError, require_one_of
 from mecanum_env.tankendo.actions import checked_action
 from mecanum_env.tankendo.build import Arguments, Engine, build, row_info
 from mecanum_env.tankendo.chance import DRAWN, Start
-from mecanum_env.tankendo.scene import BoolArray
+from mecanum_env.tankendo.scene import BoolArray, RowArray
 
 if TYPE_CHECKING:
     from mecanum_env.model import Model
@@ -105,15 +105,16 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
         seeds = self._seeds(seed)
         start = self._episodes.start_of(options, "reset_mask")
         mask = self._mask((options or {}).get("reset_mask", np.ones(self.num_envs, bool)))
-        for row in np.flatnonzero(mask).tolist():
-            if seeds[row] is not None:
-                self._rngs[row], _ = gymnasium.utils.seeding.np_random(seeds[row])
+        if seeds is not None:
+            for row in np.flatnonzero(mask).tolist():
+                if seeds[row] is not None:
+                    self._rngs[row], _ = gymnasium.utils.seeding.np_random(seeds[row])
         self._restart(mask, start)
-        return self.arena.observed.copy(), _with_masks(self.arena.state_info(), mask)
+        return self.arena.observed.copy(), self._with_first({}, np.flatnonzero(mask))
 
-    def _seeds(self, seed: int | Sequence[int | None] | Array | None) -> list[int | None]:
+    def _seeds(self, seed: int | Sequence[int | None] | Array | None) -> list[int | None] | None:
         if seed is None:
-            return [None] * self.num_envs
+            return None
         if isinstance(seed, int | np.integer):
             return [int(seed) + i for i in range(self.num_envs)]
         try:
@@ -157,7 +158,7 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
         last = step.observation[resets]
         self._restart(resets, DRAWN)
         # The info of a reset lacks what a step adds.
-        info = _with_masks(step.info, ~resets) | _with_masks(self.arena.state_info(), everybody)
+        info = self._with_first(_with_masks(step.info, ~resets), np.flatnonzero(resets))
         if mode is AutoresetMode.SAME_STEP:
             final = np.full(self.num_envs, None, object)
             for row, observation in zip(np.flatnonzero(resets), last, strict=True):
@@ -193,6 +194,14 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
         """Return what an info says of one environment, by its row, as the single environment gives it."""
         names = [name for name in info if name[0] != "_" and not name.startswith("final_")]
         return row_info({name: info[name] for name in names if info[f"_{name}"][row]}, row)
+
+    def _with_first(self, info: dict[str, Any], rows: RowArray) -> dict[str, Any]:
+        """Return the masked `info` of others, with that of the episodes that have just begun in rows (m,)."""
+        for name, values in self.arena.first_info(rows).items():
+            for key, new in ((name, values), (f"_{name}", np.ones(len(rows), bool))):
+                whole = info.setdefault(key, np.zeros(self.num_envs, new.dtype))
+                whole[rows] = new
+        return info
 
     def _restart(self, rows: BoolArray, start: Start) -> None:
         chosen = np.flatnonzero(rows)

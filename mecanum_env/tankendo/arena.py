@@ -26,7 +26,6 @@ from mecanum_env.tankendo.opponents import Opponents
 from mecanum_env.tankendo.plant import Compiled, RobotBatch
 from mecanum_env.tankendo.scene import RowArray, Scenes
 from mecanum_env.tankendo.sensing import Sensing, longest_delay_s
-from mecanum_env.tankendo.sword import Sword
 from mecanum_env.units import FloatArray
 from mecanum_env.wheel_drive.link import MOST_SEEDS
 
@@ -106,7 +105,8 @@ class Arena:
         self._common = compiled
         self.robots = self._open_robots(compiled, threads, device)
         drawn_from = setting.opponent if setting.opponents is None else setting.opponents
-        self.chance = Chance(n, NOISY, drawn_from, setting.rules)
+        judge = self._judges[setting.task]
+        self.chance = Chance(n, NOISY, drawn_from, setting.rules, judge.exchanges)
         oldest = max(setting.sensors.delay_s, drawn_from.sight_delay_s + self.step_s)
         if setting.senses is not None:
             oldest = max(oldest, longest_delay_s(setting.senses) + self.step_s)
@@ -114,7 +114,6 @@ class Arena:
         self.fighter = self._fighter(
             n, setting.opponent, setting.rules, self.chance, self.scenes, self.step_s
         )
-        judge = self._judges[setting.task]
         self.judge = judge(n, setting.rules, setting.weights, self.fighter, self.scenes, self.chance)
         self.instruments = Instruments(n, setting.sensors, self.step_s, self.judge.extra_observations)
         age_s = setting.sensors.delay_s

@@ -40,6 +40,8 @@ _ANGLE = np.float32(2.0 * np.pi * 2.0**-32)
 # Counts of the uniform draws: for the start, for each wave (frequency, phase), for each exchange.
 _START, _PER_WAVE, _PER_EXCHANGE = 6, 2, 6
 _UNIFORM = _START + 2 * WAVES * _PER_WAVE + EXCHANGES * _PER_EXCHANGE
+# Lowest frequency [rad/s] and phase [rad] of a wave, and how much the highest ones are above them.
+_LOWEST_WAVE, _MORE_WAVE = np.array([0.5, 0.0])[:, None], np.array([1.5, 2.0 * np.pi])[:, None]
 _EPISODE = (
     *("start_pose", "start_distance", "drift", "waves", "patience", "feints", "feint_s", "technique"),
     *("warning", "wait", "aim_noise"),
@@ -63,11 +65,21 @@ DRAWN: Final = Start()
 class Chance:
     """The draws of n episodes; the last axis of each array is the episode.
 
-    In each step `channels` numbers of an observation are noisy.
+    In each step `channels` numbers of an observation are noisy. Of the strikes that are drawn it keeps the
+    first `exchanges`, as many as the task comes to.
     """
 
-    def __init__(self, n: int, channels: int, opponent: Opponent | Opponents, rules: Rules) -> None:
+    def __init__(
+        self,
+        n: int,
+        channels: int,
+        opponent: Opponent | Opponents,
+        rules: Rules,
+        exchanges: int = EXCHANGES,
+    ) -> None:
         self._opponent, self._rules = opponent, rules
+        self.exchanges = exchanges
+        """Number of strikes that are kept."""
         self.start_pose = np.zeros((3, n))
         """Pose of the robot: x [m], y [m], yaw [rad]."""
         self.start_distance = np.zeros(n)
@@ -76,19 +88,19 @@ class Chance:
         """Sideways walking speed of the opponent, positive to its left [m/s]."""
         self.waves = _by_row(2, WAVES, 2, n)
         """Angular frequency [rad/s] and phase [rad] of each wave along x and along y."""
-        self.patience = _by_row(EXCHANGES, n)
+        self.patience = _by_row(exchanges, n)
         """How long the robot must offer an opening before the opponent strikes [s]."""
-        self.feints = _by_row(EXCHANGES, n).astype(bool)
+        self.feints = _by_row(exchanges, n).astype(bool)
         """Whether a feint precedes the strike."""
-        self.feint_s = _by_row(EXCHANGES, n)
+        self.feint_s = _by_row(exchanges, n)
         """How long the sword rises in the feint [s]."""
-        self.technique = _by_row(EXCHANGES, n).astype(np.intp)
+        self.technique = _by_row(exchanges, n).astype(np.intp)
         """Index of the technique."""
-        self.warning = _by_row(EXCHANGES, n)
+        self.warning = _by_row(exchanges, n)
         """Time from the first visible motion to the hit [s]."""
-        self.wait = _by_row(EXCHANGES, n)
+        self.wait = _by_row(exchanges, n)
         """When the sword starts to rise, as a share of the step in which the opponent decides to strike."""
-        self.aim_noise = _by_row(2, EXCHANGES, n)
+        self.aim_noise = _by_row(2, exchanges, n)
         """Error of the aim along x and y [m]."""
         self.noise = Noise(n, channels)
         """Standard normal noise of each observation."""
@@ -130,16 +142,16 @@ class Chance:
         self.start_distance[rows], self.start_pose[:, rows] = distance, pose
         self.drift[rows] = of_each("drift_m_s") * (2.0 * shares[4] - 1.0)
         wave = shares[_START : _START + 2 * WAVES * _PER_WAVE].reshape(2, WAVES, _PER_WAVE, -1)
-        self.waves[:, :, 0, rows] = 0.5 + 1.5 * wave[:, :, 0]
-        self.waves[:, :, 1, rows] = 2.0 * np.pi * wave[:, :, 1]
-        exchange = shares[-EXCHANGES * _PER_EXCHANGE :].reshape(_PER_EXCHANGE, EXCHANGES, -1)
+        self.waves[..., rows] = _LOWEST_WAVE + _MORE_WAVE * wave
+        kept = self.exchanges
+        exchange = shares[-EXCHANGES * _PER_EXCHANGE :].reshape(_PER_EXCHANGE, EXCHANGES, -1)[:, :kept]
         self.patience[:, rows] = _between(of_each("patience_s"), exchange[0])
         self.feints[:, rows] = exchange[1] < of_each("feint_probability")
         self.feint_s[:, rows] = _between(of_each("feint_s"), exchange[2])
         self.technique[:, rows] = (exchange[3] * len(opponents[0].techniques)).astype(np.intp)
         self.warning[:, rows] = _between(of_each("warning_s"), exchange[4])
         self.wait[:, rows] = exchange[5]
-        self.aim_noise[:, :, rows] = of_each("aim_noise_m") * normal.T.reshape(2, EXCHANGES, -1)
+        self.aim_noise[:, :, rows] = of_each("aim_noise_m") * normal.T.reshape(2, EXCHANGES, -1)[:, :kept]
         if start.pose is not None:
             self.start_pose[:, rows] = np.array(start.pose)[:, None]
         if start.technique is not None:

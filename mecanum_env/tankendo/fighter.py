@@ -7,7 +7,7 @@ from dataclasses import fields
 
 import numpy as np
 
-from mecanum_env.tankendo.chance import EXCHANGES, Chance
+from mecanum_env.tankendo.chance import Chance
 from mecanum_env.tankendo.constants import Opponent, Rules, Technique
 from mecanum_env.tankendo.numbers import Number, State, mathematics, wrapped
 from mecanum_env.tankendo.scene import BoolArray, RowArray, Scenes, separation
@@ -96,7 +96,7 @@ class Fighter:
 
     def current(self, draws: State) -> Number:
         """Return what `drawn` does as a number."""
-        return self._math.chosen(draws, self._math.of(self.exchange) % EXCHANGES)
+        return self._math.chosen(draws, self._math.of(self.exchange) % self._chance.exchanges)
 
     def technique(self) -> RowArray:
         """Return the index of the technique of the exchange that each episode is in, shape (n,)."""
@@ -130,7 +130,7 @@ class Fighter:
 
     def _start(self, rows: RowArray, time_s: FloatArray) -> None:
         """Start a feint or strike in some rows (m,) in the step that begins at `time_s` (n,)."""
-        exchange = self.exchange[rows] % EXCHANGES
+        exchange = self.exchange[rows] % self._chance.exchanges
         feint = self._chance.feints[exchange, rows] & ~self.feinted[rows]
         sword, technique = self.sword, self._chance.technique[exchange, rows]
         start = time_s[rows] + self._chance.wait[exchange, rows] * self._step_s
@@ -245,7 +245,7 @@ class Fighter:
         """
         sword, table = self.sword, self._table
         numbers = {name: values[rows] for name, values in self._numbers.items()}
-        exchange = self.exchange[rows] % EXCHANGES
+        exchange = self.exchange[rows] % self._chance.exchanges
         technique = self._chance.technique[exchange, rows]
         ahead = numbers["lead"] * (sword.land_s[rows] - sword.cut_s[rows] + numbers["sight_delay_s"])
         # Of the waiting motion only the share `habit` is expected to go on.

@@ -11,7 +11,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from mecanum_env.tankendo.chance import WAVES, Chance
+from mecanum_env.tankendo.chance import EXCHANGES, WAVES, Chance
 from mecanum_env.tankendo.constants import RewardWeights, Rules
 from mecanum_env.tankendo.fighter import Fighter
 from mecanum_env.tankendo.numbers import Many, Number, mathematics
@@ -60,6 +60,8 @@ class Judge(ABC):
 
     extra_observations: int = 0
     """How many numbers the task appends to an observation."""
+    exchanges: int = EXCHANGES
+    """After how many strikes an episode may begin again with the draws of the first."""
 
     def __init__(
         self, n: int, rules: Rules, weights: RewardWeights, fighter: Fighter, scenes: Scenes, chance: Chance
@@ -128,6 +130,8 @@ class Judge(ABC):
 class Dodge(Judge):
     """One strike: offer an opening, evade the strike, and be back at maai, facing, one second later."""
 
+    exchanges = 1
+
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
         self.check_s = np.full(self.n, np.inf)
@@ -162,6 +166,8 @@ class Dodge(Judge):
 
 class Track(Judge):
     """No strike: keep maai to an opponent that walks about, and face it, for most of the time."""
+
+    exchanges = 1
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)

@@ -1,4 +1,5 @@
 from .numbers import PlanarRobot, planar_robot
 from .plant import PlanarBatch
+from .variations import LAW, Variations
 
-__all__ = ["PlanarBatch", "PlanarRobot", "planar_robot"]
+__all__ = ["LAW", "PlanarBatch", "PlanarRobot", "Variations", "planar_robot"]

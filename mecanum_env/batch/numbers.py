@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from mecanum_env.effects.apply import (
+    Acting,
     active_effects,
+    alters_sensors,
     changed_model,
     check_effects,
     drive_parameters,
@@ -20,7 +23,7 @@ from mecanum_env.errors import EffectRefusedError
 from mecanum_env.kinematics import WHEELS, require_mecanum
 from mecanum_env.mjcf.geometry import no_slip_rows, wheels_on_body
 from mecanum_env.mjcf.physics import fitting_timestep, wheel_inertia
-from mecanum_env.model import Model
+from mecanum_env.model import Model, Robot
 from mecanum_env.plugin.layout import chain_parameters
 from mecanum_env.simulator.body_limits import behind_limits, limits_body
 from mecanum_env.units import FloatArray
@@ -38,8 +41,12 @@ BODY: Final = (
 that an implicit step moves; whether MuJoCo drops what couples the world's axes (`PlanarBatch`), and that
 inertia along each axis then; mass times the offset of its centre; mass that gravity pulls; gravity along the
 world's x and y; viscous friction along the axes and in turning."""
-_CHANCE: Final = [CHAIN.index(name) for name in ("jitter_s", "loss")]
-_UPPER: Final = np.triu_indices(3)
+_QUANTUM: Final = CHAIN.index("command_quantum_rpm")
+ROTOR: Final = CHAIN.index("rotor_kg_m2")
+"""Where they have the inertia of the rotor."""
+CHANCE: Final = [CHAIN.index(name) for name in ("jitter_s", "loss")]
+"""Where drives have what makes their link random."""
+_UPPER: Final = tuple((i, j) for i in range(3) for j in range(i, 3))
 _NO_PROGRAMS: Final[Programs] = dict.fromkeys(PROGRAMS, (0.0,) * PROGRAM_SIZE)
 """One for all robots without custom effects: what is the same object is compared at once."""
 _TIMESTEP_S: Final = 1 / 120
@@ -64,7 +71,8 @@ class Clocks:
 class PlanarRobot:
     """A model, ready for a batch."""
 
-    model: Model
+    source: Model | Callable[[], Model]
+    """Its model, or what makes it: few of many drawn robots are ever looked at."""
     clocks: Clocks
     drives: FloatArray
     """Parameters of the drives in the order of `CHAIN`, shape (P, 4)."""
@@ -76,12 +84,15 @@ class PlanarRobot:
     """Delay, jitter, loss and seed of the link before limits on the body's command; empty without limits."""
     limits: dict[str, dict[str, float]]
     """Parameters of the effects that limit the body's command, by effect."""
+    has_random_link: bool
+    """Whether the delay of its commands jitters or commands are lost."""
+    alters_sensors: bool
+    """Whether effects act on what it measures of itself."""
 
     @cached_property
-    def has_random_link(self) -> bool:
-        """Whether the delay of its commands jitters or commands are lost."""
-        own = self.link.get("jitter_s", 0.0) > 0.0 or self.link.get("loss", 0.0) > 0.0
-        return own or bool(np.count_nonzero(self.drives[_CHANCE]))
+    def model(self) -> Model:
+        """Its model."""
+        return self.source if isinstance(self.source, Model) else self.source()
 
     def with_link_seed(self, seed: int) -> PlanarRobot:
         """Return the same robot with other chance of its link, from 0 to `wheel_drive.link.MOST_SEEDS`."""
@@ -110,7 +121,7 @@ def planar_robot(model: Model, timestep_s: float | None = None) -> PlanarRobot:
     rows = _drive_rows(after)
     drives = rows[: len(CHAIN)].copy()
     # V, theta and VC are rounded before the kinematics.
-    drives[CHAIN.index("command_quantum_rpm")] = 0.0
+    drives[_QUANTUM] = 0.0
     link = {}
     if limited:
         before = drive_parameters(model)
@@ -127,9 +138,16 @@ def planar_robot(model: Model, timestep_s: float | None = None) -> PlanarRobot:
         ),
         drives,
         _programs_in(rows[len(CHAIN) :, 0]),
-        _body_numbers(after, timestep, float(drives[CHAIN.index("rotor_kg_m2"), 0])),
+        body_numbers(
+            after.robot,
+            active_effects(after),
+            timestep,
+            wheel_inertia(after.robot) + float(drives[ROTOR, 0]),
+        )[:, 0],
         link,
         {effect.name: values for effect, values in active_effects(model) if effect.limit_bodies is not None},
+        bool(np.count_nonzero(drives[CHANCE])) or any(link.get(name, 0.0) for name in ("jitter_s", "loss")),
+        alters_sensors(model),
     )
 
 
@@ -162,32 +180,50 @@ def _programs_in(numbers: FloatArray) -> Programs:
     return {name: tuple(program.tolist()) for name, program in zip(PROGRAMS, programs, strict=True)}
 
 
-def _body_numbers(model: Model, timestep_s: float, rotor_kg_m2: float) -> FloatArray:
-    """Return what `BODY` lists, given the inertia of each drive's rotor."""
-    robot = model.robot
+def body_numbers(robot: Robot, acting: Acting, timestep_s: float, wheel_kg_m2: float) -> FloatArray:
+    """Return what `BODY` lists of a robot on which effects are `acting`.
+
+    `wheel_kg_m2` is the inertia of a wheel and its rotor. All numbers may be arrays (m,), those of m robots.
+    The shape is (20, m), with m = 1 for floats.
+    """
     body = PlanarBody(robot.mass_kg, robot.yaw_inertia_kg_m2)
-    for effect, values in active_effects(model):
+    for effect, values in acting:
         if effect.change_planar is not None:
             body = effect.change_planar(body, values)
     rows = no_slip_rows(robot)
-    armature, armature_turn = wheels_on_body(robot, wheel_inertia(robot) + rotor_kg_m2)
+    armature, armature_turn = wheels_on_body(robot, wheel_kg_m2)
     damping, damping_turn = wheels_on_body(robot, body.wheel_damping_n_m_s_rad)
     weight = body.mass_kg + body.middle_mass_kg
     x, y = body.mass_kg * body.com_x_m, body.mass_kg * body.com_y_m
     turning = body.yaw_inertia_kg_m2 + x * body.com_x_m + y * body.com_y_m + body.middle_yaw_inertia_kg_m2
     moved = weight + armature
-    inertia = np.array([[moved, 0.0, -y], [0.0, moved, x], [-y, x, turning + armature_turn]])
-    brakes = np.diag([damping, damping, damping_turn]) + robot.servo_n_m_s_rad * rows.T @ rows
-    moving = inertia + timestep_s * brakes
+    inertia = _matrices(moved, 0.0, -y, 0.0, moved, x, -y, x, turning + armature_turn)
+    brakes = _matrices(damping, 0.0, 0.0, 0.0, damping, 0.0, 0.0, 0.0, damping_turn)
+    servo = np.reshape(robot.servo_n_m_s_rad, (-1, 1, 1)) * rows.T @ rows
+    moving = inertia + timestep_s * (brakes + servo)
     mobility = np.linalg.inv(moving)
-    is_simple = x == y == body.middle_mass_kg == 0.0
+    is_simple = (x == 0.0) & (y == 0.0) & (body.middle_mass_kg == 0.0)
     # The wheel fr turns forward by each of the three motions: its row has the sizes of all.
     gravity = body.gravity_m_s2[:2]
-    return np.array(
+    return table_of(
         [
             *rows[WHEELS.index("fr")],
-            *mobility[_UPPER],
-            *(is_simple, moving[0, 0], moving[1, 1]),
+            *(mobility[:, i, j] for i, j in _UPPER),
+            *(is_simple, moving[:, 0, 0], moving[:, 1, 1]),
             *(x, y, weight, *gravity, damping, damping_turn),
         ]
     )
+
+
+def table_of(numbers: Sequence[Any]) -> FloatArray:
+    """Return `numbers` as an array (k, m); floats among arrays (m,) are repeated, and without arrays m is 1."""
+    m = next((len(number) for number in numbers if isinstance(number, np.ndarray)), 1)
+    table = np.empty((len(numbers), m))
+    for row, number in zip(table, numbers, strict=True):
+        row[:] = number
+    return table
+
+
+def _matrices(*numbers: Any) -> FloatArray:
+    """Return the matrix (3, 3) that has nine `numbers` row by row, of each of m robots: (m, 3, 3)."""
+    return table_of(numbers).T.reshape(-1, 3, 3)

@@ -118,11 +118,7 @@ def drive_parameters(model: Model, wheel_name: str | None = None) -> DriveParame
     """
     law = model.wheel.law if wheel_name is None else model.law_of(wheel_name)
     wheel = model.wheel if law is model.wheel.law else replace(model.wheel, law=law)
-    drive = wheel.drive_parameters()
-    for effect, values in active_effects(model):
-        if effect.change_drive is not None:
-            with _named(effect):
-                drive = effect.change_drive(drive, values, wheel_name)
+    drive = changed_drive(wheel.drive_parameters(), active_effects(model), wheel_name)
     if not model.custom:
         return drive
     return replace(
@@ -131,6 +127,15 @@ def drive_parameters(model: Model, wheel_name: str | None = None) -> DriveParame
         set_point_program=program_at(model.custom, "set_point"),
         load_program=program_at(model.custom, "load"),
     )
+
+
+def changed_drive(drive: DriveParameters, acting: Acting, wheel_name: str | None) -> DriveParameters:
+    """Return a drive with what the effects that act in it change, as `drive_parameters` does."""
+    for effect, values in acting:
+        if effect.change_drive is not None:
+            with _named(effect):
+                drive = effect.change_drive(drive, values, wheel_name)
+    return drive
 
 
 def wheels_differ(model: Model) -> bool:
@@ -148,6 +153,11 @@ def delayed(model: Model, seconds: float) -> Model:
     )
     values = dict(model.effects.get(name, {}))
     return model.with_effect(name, **{**values, "delay_s": values.get("delay_s", 0.0) + seconds})
+
+
+def alters_sensors(model: Model) -> bool:
+    """Return whether effects act on what a robot measures of itself."""
+    return any(effect.change_channels is not None for effect, _ in active_effects(model))
 
 
 def added_load(model: Model) -> Load:

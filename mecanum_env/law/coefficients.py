@@ -142,6 +142,12 @@ class WheelLaw:
         """Return the law with E changed so that A+B+C+D+E+F = 1: unit DC gain, as its derivation implies."""
         return replace(self, E=1.0 - (self.A + self.B + self.C + self.D + self.F))
 
+    def moved(self, change: Sequence[float]) -> WheelLaw:
+        """Return the law with A-F changed by six numbers, but with the same sum, which keeps its gain."""
+        numbers = {name: getattr(self, name) + d for name, d in zip(COEFFICIENTS, change, strict=True)}
+        numbers["E"] -= sum(change)
+        return replace(self, **numbers)
+
     def tick(self, state: LawState, command_rpm: npt.ArrayLike) -> tuple[FloatArray, LawState]:
         """Advance one tick: return w(k+1) [rpm] and the next state for r(k) = `command_rpm`."""
         w0, w1, w2 = (np.asarray(x, float) for x in (state.w0, state.w1, state.w2))

@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
+
 from mecanum_env.errors import InputError
 from mecanum_env.kinematics import WHEELS
 from mecanum_env.mjcf.geometry import WheelGeometry, wheel_geometry, wheel_position
@@ -70,7 +72,8 @@ def robot_masses(robot: Robot) -> Masses:
     # The base's centre of mass is behind the robot's centre, where it balances the rocker.
     mass = total * (1 - _ROCKER_SHARE - 4 * (_HUB_SHARE + _ROLLERS_SHARE))
     left -= mass * base_offset(robot) ** 2
-    if left <= 0.0:
+    # All of many robots, whose numbers are arrays.
+    if not np.all(left > 0.0):
         raise InputError(
             f"robot.yaw_inertia_kg_m2 = {robot.yaw_inertia_kg_m2:g} is less than the wheels alone have at "
             f"their places, {robot.yaw_inertia_kg_m2 - left:.4g}; a solid plate of the robot's size has "

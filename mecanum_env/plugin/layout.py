@@ -29,7 +29,7 @@ rest, and `mjSTATE_FULLPHYSICS` saves and restores it.
 from __future__ import annotations
 
 import math
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import mujoco
 import numpy as np
@@ -37,6 +37,7 @@ import numpy.typing as npt
 
 from mecanum_env.effects.apply import changed_model, drive_parameters
 from mecanum_env.errors import InputError
+from mecanum_env.law.coefficients import COEFFICIENTS
 from mecanum_env.model import Model, Robot
 from mecanum_env.plugin import PLUGIN_NAME, register_if_mujoco_did_not
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
@@ -102,11 +103,11 @@ def dynprm(drive: DriveParameters, quantum_rpm: float | None = None) -> list[flo
     The quantum [rpm] replaces the drive's own; 0 if commands are rounded elsewhere.
     """
     return [
-        *drive.law.coefficients.tolist(),
+        *(getattr(drive.law, name) for name in COEFFICIENTS),
         drive.law.sample_period_s,
         drive.command_period_s,
         drive.command_quantum_rpm if quantum_rpm is None else quantum_rpm,
-        0.0 if math.isinf(drive.saturation_rpm) else drive.saturation_rpm,
+        _off(drive.saturation_rpm, math.inf),
     ]
 
 
@@ -119,24 +120,30 @@ def userdata(robot: Robot, drive: DriveParameters, torque_limit_n_m: float | Non
         InputError: the limit is not above 0.
     """
     limit = robot.torque_limit_n_m if torque_limit_n_m is None else torque_limit_n_m
-    if not limit > 0.0:
+    if not np.all(limit > 0.0):
         raise InputError(f"torque_limit_n_m = {limit}, must be above 0 ({NO_TORQUE_LIMIT:g}: no limit)")
     values = {**vars(drive), **vars(drive.load)}
     values["gap_kind"] = float(GAP_KINDS.index(drive.load.gap_kind))
-    values |= {name: 0.0 for name in ("gain", "reverse_ratio") if values[name] == 1.0}
-    values["supply_share"] = drive.motor_bounds.supply_share
+    values |= {name: _off(values[name], 1.0) for name in ("gain", "reverse_ratio")}
+    values["supply_share"] = drive.supply_share
     values["rotor_kg_m2"] = rotor_inertia(robot, drive)
     if drive.knots_rpm:
         values |= map_numbers(drive.knots_rpm, drive.values_rpm)
     values["servo_integral_n_m_rad"] = robot.servo_integral_n_m_rad
-    values["torque_limit_n_m"] = min(limit, NO_TORQUE_LIMIT)
-    given = [values.get(name, 0.0) for name in USER]
-    numbers = [0.0 if number == math.inf else number for number in given] + _UNUSED
+    values["torque_limit_n_m"] = np.minimum(limit, NO_TORQUE_LIMIT)
+    numbers = [_off(values.get(name, 0.0), math.inf) for name in USER] + _UNUSED
     programs = [getattr(drive, name) for name in PROGRAMS]
     if not any(any(program) for program in programs):
         return numbers
     padded = ((*program, *[0.0] * (PROGRAM_SIZE - len(program))) for program in programs)
     return numbers + [number for program in padded for number in program]
+
+
+def _off(number: Any, neutral: float) -> Any:
+    """Return a number, or 0 where it has its `neutral` value; it may be an array of those of many drives."""
+    if isinstance(number, np.ndarray):
+        return np.where(number == neutral, 0.0, number)
+    return 0.0 if number == neutral else number
 
 
 def rotor_inertia(robot: Robot, drive: DriveParameters) -> float:
@@ -179,16 +186,20 @@ def wheel_numbers(
     `wheel_name`, `quantum_rpm`, `torque_limit_n_m` and `inertia_kg_m2` are as for `set_wheel_parameters`.
     """
     drive = drive_parameters(model, wheel_name)
-    return _numbers(model.robot, drive, quantum_rpm, torque_limit_n_m, inertia_kg_m2)
+    return drive_numbers(model.robot, drive, quantum_rpm, torque_limit_n_m, inertia_kg_m2)
 
 
-def _numbers(
+def drive_numbers(
     robot: Robot,
     drive: DriveParameters,
-    quantum_rpm: float | None,
-    torque_limit_n_m: float | None,
-    inertia_kg_m2: float,
+    quantum_rpm: float | None = None,
+    torque_limit_n_m: float | None = None,
+    inertia_kg_m2: float = 0.0,
 ) -> WheelNumbers:
+    """Return what `wheel_numbers` does, of the `drive` of a wheel of a `robot`.
+
+    Numbers of both may be arrays (m,), those of many robots; then those that follow from them are arrays.
+    """
     user = userdata(robot, drive, torque_limit_n_m)
     user[_INERTIA] = inertia_kg_m2 + user[_ROTOR]
     return WheelNumbers(dynprm(drive, quantum_rpm), robot.servo_n_m_s_rad, user)
@@ -211,7 +222,7 @@ def chain_numbers(
     robot: Robot, drive: DriveParameters, torque_limit_n_m: float | None = None, inertia_kg_m2: float = 0.0
 ) -> FloatArray:
     """Return what `chain_parameters` does, of the `drive` of a wheel of a `robot`."""
-    numbers = _numbers(robot, drive, None, torque_limit_n_m, inertia_kg_m2)
+    numbers = drive_numbers(robot, drive, None, torque_limit_n_m, inertia_kg_m2)
     programs = np.zeros(len(PROGRAMS) * PROGRAM_SIZE)
     written = numbers.user[FIRST_PROGRAM:]
     programs[: len(written)] = written

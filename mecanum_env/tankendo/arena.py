@@ -187,7 +187,7 @@ class Arena:
         self.scenes.restart(at, self._first_scenes(at))
         self.fighter.restart(at, opponents)
         self.judge.restart(at)
-        self.instruments.restart(at.tolist(), [robot.model for robot in given])
+        self.instruments.restart(at.tolist(), given)
         self.begun[at] = True
         self.all_begun = bool(self.begun.all())
         self.step_count[at] = 0

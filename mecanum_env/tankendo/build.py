@@ -13,7 +13,7 @@ from typing import Any, Literal, TypedDict, Unpack, get_args
 import gymnasium
 import numpy as np
 
-from mecanum_env.batch import planar_robot
+from mecanum_env.batch import Variations, planar_robot
 from mecanum_env.errors import InputError, did_you_mean, require_one_of
 from mecanum_env.model import Model, paper_model, read_model
 from mecanum_env.senses import Senses, VariedSenses
@@ -36,6 +36,7 @@ from mecanum_env.tankendo.scene import BoolArray
 from mecanum_env.units import FloatArray
 
 Engine = Literal["mujoco", "arrays"]
+Drawn = Callable[[Sequence[np.random.Generator]], Sequence[Robot]]
 ModelLike = Model | str | os.PathLike[str]
 
 
@@ -44,17 +45,13 @@ class Episodes:
     """Episodes side by side, with all that Gymnasium's two interfaces share."""
 
     arena: Arena
-    sampler: Sampler | Pool | None
-    """Draws the robot of each episode; None: every episode has the common model."""
+    drawn: Drawn | None
+    """Draws the robots of episodes; None: every episode has the common model."""
     plant: RobotPlant
-    compiled: Callable[[Model], Robot]
-    """Makes a model ready for the physics that steps it."""
 
     def restart(self, rows: Sequence[int], rngs: Sequence[np.random.Generator], start: Start = DRAWN) -> None:
         """Begin episodes in some rows, with the generators `rngs` of their environments."""
-        robots: list[Robot] | None = None
-        if self.sampler is not None:
-            robots = [self.compiled(self.sampler.draw(rng)) for rng in rngs]
+        robots = None if self.drawn is None else self.drawn(rngs)
         self.arena.restart(rows, rngs, robots, start)
 
     def step(self, actions: FloatArray, ignored: BoolArray | None = None) -> Step:
@@ -190,10 +187,15 @@ def build(
     robot = model_of(model)
     sampler = sampler_for(randomize, robot)
     compiler = _compiler(engine, plant, timestep_s, device)
+    drawn: Drawn | None = None
     if isinstance(sampler, Pool):
         compiler = _Once(compiler)
     compiled = compiler(robot) if sampler is None else _typical(sampler, compiler)
-    return Episodes(Arena(setting, compiled, n, threads, device), sampler, plant, compiler)
+    if isinstance(sampler, Sampler) and engine == "arrays":
+        drawn = _AtOnce(sampler, timestep_s)
+    elif sampler is not None:
+        drawn = _OneByOne(sampler, compiler)
+    return Episodes(Arena(setting, compiled, n, threads, device), drawn, plant)
 
 
 def model_of(model: ModelLike | None) -> Model:
@@ -277,6 +279,31 @@ def _compiler(
     if plant != "planar":
         raise InputError(f'engine = "arrays" has no rollers; leave out plant = {plant!r}, or the engine')
     return partial(planar_robot, timestep_s=timestep_s)
+
+
+@dataclass(frozen=True)
+class _OneByOne:
+    """Draws robots and compiles them one after the other."""
+
+    sampler: Sampler | Pool
+    compiler: Callable[[Model], Robot]
+
+    def __call__(self, rngs: Sequence[np.random.Generator]) -> list[Robot]:
+        """Return a robot drawn with each of the generators."""
+        return [self.compiler(self.sampler.draw(rng)) for rng in rngs]
+
+
+class _AtOnce:
+    """Draws robots for the engine of arrays, which computes them all at once where it can."""
+
+    def __init__(self, sampler: Sampler, timestep_s: float | None) -> None:
+        self._sampler, rng = sampler, np.random.default_rng(0)
+        first = np.stack([*(sampler.numbers(rng) for _ in range(4)), *sampler.ends()], axis=-1)
+        self._variations = Variations(sampler.model, sampler.names, sampler.model_of, first, timestep_s)
+
+    def __call__(self, rngs: Sequence[np.random.Generator]) -> Sequence[Robot]:
+        """Return a robot drawn with each of the generators."""
+        return self._variations.robots(np.stack([self._sampler.numbers(rng) for rng in rngs], axis=-1))
 
 
 class _Once:

@@ -192,7 +192,7 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         super().reset(seed=seed)
         self._episodes.restart([0], [self.np_random], start)
         # Another robot may have been drawn; pictures need its model.
-        if self._episodes.sampler is not None:
+        if self._episodes.drawn is not None:
             self.close()
         if self.render_mode == "human":
             self.render()

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from mecanum_env.effects.apply import active_effects, measured
+from mecanum_env.effects.apply import measured
 from mecanum_env.kinematics import POSE, TWIST
 from mecanum_env.model import Model
 from mecanum_env.tankendo.constants import Sensors
@@ -88,6 +88,17 @@ def noise_sizes(sensors: Sensors) -> FloatArray:
     return np.array([*seen, *own])
 
 
+class Measured(Protocol):
+    """A robot whose sensors are read."""
+
+    @property
+    def model(self) -> Model: ...
+
+    @property
+    def alters_sensors(self) -> bool:
+        """Whether any effect of the model acts on its sensors."""
+
+
 class Instruments:
     """The sensors of n robots, read every `step_s` [s]; the task appends `extra` numbers."""
 
@@ -99,19 +110,14 @@ class Instruments:
         self._lowest, self._highest = -highest, highest
         # Rows whose model has sensor effects: the model, and the samples of the past.
         self._affected: dict[int, tuple[Model, list[FloatArray]]] = {}
-        self._known: Model | None = None  # the last model, and whether it has any
-        self._acts = False
 
-    def restart(self, rows: Sequence[int], models: Sequence[Model]) -> None:
+    def restart(self, rows: Sequence[int], robots: Sequence[Measured]) -> None:
         """Begin an episode in some rows, in which the sensor effects of the robots' models act."""
-        for row, model in zip(rows, models, strict=True):
+        for row, robot in zip(rows, robots, strict=True):
             if self._affected:
                 self._affected.pop(row, None)
-            if model is not self._known:
-                acting = (effect.change_channels for effect, _ in active_effects(model))
-                self._known, self._acts = model, any(change is not None for change in acting)
-            if self._acts:
-                self._affected[row] = (model, [])
+            if robot.alters_sensors:
+                self._affected[row] = (robot.model, [])
 
     def acts_on(self, rows: npt.NDArray[np.intp]) -> bool:
         """Return whether sensor effects act in any of some rows (m,)."""

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from mujoco.batch import Batch
 
-from mecanum_env.effects.apply import active_effects, check_effects, drive_parameters
+from mecanum_env.effects.apply import active_effects, alters_sensors, check_effects, drive_parameters
 from mecanum_env.errors import InputError, require_one_of
 from mecanum_env.kinematics import command_to_wheels, command_wheels
 from mecanum_env.mjcf import TRAINING_TIMESTEP_S
@@ -64,6 +64,11 @@ class Compiled:
             return False
         drive = drive_parameters(self.model)
         return drive.jitter_s > 0.0 or drive.loss > 0.0
+
+    @cached_property
+    def alters_sensors(self) -> bool:
+        """Whether effects act on what it measures of itself."""
+        return alters_sensors(self.model)
 
     def with_link_seed(self, seed: int) -> Compiled:
         """Return the same robot with other chance of its link, from 0 to `wheel_drive.link.MOST_SEEDS`."""

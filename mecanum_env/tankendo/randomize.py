@@ -20,9 +20,9 @@ from typing import Any, Literal
 
 import numpy as np
 
+from mecanum_env.batch import LAW
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.errors import InputError, did_you_mean
-from mecanum_env.law.coefficients import COEFFICIENTS, WheelLaw
 from mecanum_env.model import EFFECT_PARAMETERS, ROBOT_NUMBERS, Model
 from mecanum_env.units import FloatArray
 
@@ -44,21 +44,49 @@ class Sampler:
     robot_errors: Mapping[str, float] | None = None
     """Standard errors of fitted parameters of the robot by name."""
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the numbers that are drawn, in the order in which they are."""
+        robot = (f"robot.{name}" for name in self.robot_errors or {})
+        return (*(() if self.spread is None else LAW), *robot, *self.ranges)
+
+    def numbers(self, rng: np.random.Generator) -> FloatArray:
+        """Return the numbers with the `names` of one robot, drawn with the generator `rng`, shape (k,).
+
+        Raises:
+            InputError: nearly every drawn law is unstable.
+        """
+        drawn = [] if self.spread is None else self._draw_change(self.spread, rng)
+        for name, error in (self.robot_errors or {}).items():
+            value = getattr(self.model.robot, name)
+            # Friction, stiffness and inertia must stay positive.
+            drawn.append(max(value + error * rng.standard_normal(), 0.1 * value))
+        drawn += [low + (high - low) * rng.random() for low, high in self.ranges.values()]
+        return np.array(drawn)
+
+    def model_of(self, numbers: FloatArray) -> Model:
+        """Return the model with these `numbers`, shape (k,).
+
+        Raises:
+            InputError: a number that the model cannot have.
+        """
+        given, model = dict(zip(self.names, numbers.tolist(), strict=True)), self.model
+        if self.spread is not None:
+            change = [given.pop(name) for name in LAW]
+            wheel = replace(model.wheel, law=model.wheel.law.moved(change))
+            wheels = {name: own.moved(change) for name, own in model.wheels.items()}
+            model = replace(model, wheel=wheel, wheels=wheels)
+        for name, number in given.items():
+            model = _with_number(model, name, number)
+        return model
+
     def draw(self, rng: np.random.Generator) -> Model:
         """Return a model drawn with the generator `rng`.
 
         Raises:
             InputError: nearly every drawn law is unstable.
         """
-        model = self.model if self.spread is None else self._draw_laws(self.spread, rng)
-        for name, error in (self.robot_errors or {}).items():
-            value = getattr(model.robot, name)
-            # Friction, stiffness and inertia must stay positive.
-            drawn = max(value + error * rng.standard_normal(), 0.1 * value)
-            model = replace(model, robot=replace(model.robot, **{name: drawn}))
-        for name, (low, high) in self.ranges.items():
-            model = _with_number(model, name, low + (high - low) * rng.random())
-        return model
+        return self.model_of(self.numbers(rng))
 
     def edges(self) -> tuple[Model, Model]:
         """Return the models with all ranges at their lower and at their upper ends; nothing else is changed.
@@ -71,14 +99,20 @@ class Sampler:
             lowest, highest = _with_number(lowest, name, low), _with_number(highest, name, high)
         return lowest, highest
 
-    def _draw_laws(self, spread: FloatArray, rng: np.random.Generator) -> Model:
-        model = self.model
+    def ends(self) -> tuple[FloatArray, FloatArray]:
+        """Return the numbers with the `names` of the two models in `edges`, shape (k,) each."""
+        numbers = [0.0] * (0 if self.spread is None else len(LAW))
+        numbers += [getattr(self.model.robot, name) for name in self.robot_errors or {}]
+        lowest, highest = zip(*self.ranges.values(), strict=True) if self.ranges else ((), ())
+        return np.array([*numbers, *lowest]), np.array([*numbers, *highest])
+
+    def _draw_change(self, spread: FloatArray, rng: np.random.Generator) -> list[float]:
+        """Return what is added to the coefficients of all laws, six numbers."""
+        laws = (self.model.wheel.law, *self.model.wheels.values())
         for _ in range(_TRIES):
-            change = spread @ rng.standard_normal(spread.shape[1])
-            law = _moved(model.wheel.law, change)
-            wheels = {name: _moved(own, change) for name, own in model.wheels.items()}
-            if all(one.is_stable for one in (law, *wheels.values())):
-                return replace(model, wheel=replace(model.wheel, law=law), wheels=wheels)
+            change: list[float] = (spread @ rng.standard_normal(spread.shape[1])).tolist()
+            if all(law.moved(change).is_stable for law in laws):
+                return change
         raise InputError(
             f"uncertainty.wheel.covariance: {_TRIES} laws drawn from it are unstable; fit more logs"
         )
@@ -136,13 +170,6 @@ def _factor(covariance: FloatArray) -> FloatArray:
     """Return L with L L^T the covariance, whose rank is only 5 if the fit keeps the law's gain at one."""
     values, vectors = np.linalg.eigh(covariance)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
-
-
-def _moved(law: WheelLaw, change: FloatArray) -> WheelLaw:
-    """Return a law with coefficients changed by `change`, shape (6,), but the same sum, to keep its gain."""
-    numbers = {name: getattr(law, name) + float(d) for name, d in zip(COEFFICIENTS, change, strict=True)}
-    numbers["E"] -= float(np.sum(change))
-    return replace(law, **numbers)
 
 
 def _range(name: str, ends: Any) -> Range:

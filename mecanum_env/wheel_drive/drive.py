@@ -157,12 +157,15 @@ class DriveParameters:
             self.drive_acceleration_rpm_s * tick,
             (self.drive_brake_rpm_s or self.drive_acceleration_rpm_s) * tick,
             self.supply_rpm,
-            self._supply_share if math.isfinite(self.supply_rpm) else 0.0,
+            self.supply_share,
             self.supply_per_volt,
         )
 
     @property
-    def _supply_share(self) -> float:
+    def supply_share(self) -> float:
+        """Share of the way to the speed that the supply allows which a wheel goes in a tick; 0 without one."""
+        if not math.isfinite(self.supply_rpm):
+            return 0.0
         if self.supply_s > 0.0:
             return -math.expm1(-self.law.sample_period_s / self.supply_s)
         return steepest_share(self.law)

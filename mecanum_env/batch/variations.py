@@ -1,0 +1,174 @@
+"""Robots that differ in some numbers, such as those drawn for episodes: computed for a batch all at once.
+
+The formulas are those of one robot (`planar_robot`), which take an array of each number that differs. Some do
+not: lengths of the wheel, which are searched for, and choices by the size of a number. So robots are computed
+at once only if this gives the first few of them to the bit, and otherwise one after the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any, Final
+
+import numpy as np
+
+from mecanum_env.batch.numbers import (
+    CHANCE,
+    ROTOR,
+    PlanarRobot,
+    body_numbers,
+    planar_robot,
+    table_of,
+)
+from mecanum_env.effects.apply import Acting, active_effects, changed_drive, wheels_differ
+from mecanum_env.errors import InputError
+from mecanum_env.kinematics import WHEELS
+from mecanum_env.law.coefficients import COEFFICIENTS, WheelLaw
+from mecanum_env.mjcf.physics import spin_inertia
+from mecanum_env.model import Model, Robot
+from mecanum_env.plugin.layout import drive_numbers
+from mecanum_env.units import FloatArray
+from mecanum_env.wheel_drive.drive import DriveParameters
+from mecanum_env.wheel_drive.parameters import CHAIN, USER
+from mecanum_env.wheel_drive.wheel_load import WheelLoad
+
+LAW: Final = tuple(f"law.{name}" for name in COEFFICIENTS)
+"""Names of what is added to the coefficients of a robot's laws; their gain is kept (`WheelLaw.moved`)."""
+ModelOf = Callable[[FloatArray], Model]
+"""Makes the model of a robot from its numbers (k,)."""
+
+
+# Parts of a model whose numbers may be arrays (m,), those of many robots. The parts of a single robot check
+# their numbers; of drawn robots the ends of the ranges have been checked.
+class _Models(Model):
+    def __post_init__(self) -> None: ...
+
+
+class _Robots(Robot):
+    def __post_init__(self) -> None: ...
+
+
+class _Laws(WheelLaw):
+    def __post_init__(self) -> None: ...
+
+
+class _Drives(DriveParameters):
+    def __post_init__(self) -> None: ...
+
+
+class _Loads(WheelLoad):
+    def __post_init__(self) -> None: ...
+
+
+class Variations:
+    """Makes robots that differ in the numbers with some `names`, k of them, for a batch.
+
+    The names are those in `LAW`, "wheel.saturation_rpm", "robot.NAME" or "effects.EFFECT.PARAMETER", as in a
+    model file; `model_of` makes a model from such numbers, and from all else of `model`. The `first` robots, shape (k, m), decide whether
+    all can be computed at once; the effects and the wheels of the first of them are those of all. `timestep_s`
+    is that of `planar_robot`.
+
+    Raises:
+        InputError: one of the first robots cannot be simulated.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        names: Sequence[str],
+        model_of: ModelOf,
+        first: FloatArray,
+        timestep_s: float | None = None,
+    ) -> None:
+        self._common, self._names, self._model_of = model, tuple(names), model_of
+        self._timestep_s = timestep_s
+        robots = self._one_by_one(first)
+        self._typical, self._model = robots[0], robots[0].model
+        self._acting = [effect for effect, _ in active_effects(self._model)]
+        self._wheels = WHEELS if wheels_differ(self._model) else (None,)
+        self.at_once = first.shape[1] > 1 and self._agrees(first, robots)
+        """Whether robots are computed at once."""
+
+    def robots(self, values: FloatArray) -> list[PlanarRobot]:
+        """Return the robots with the numbers `values`, shape (k, m).
+
+        Raises:
+            InputError: one of them cannot be simulated.
+        """
+        if not self.at_once:
+            return self._one_by_one(values)
+        m = values.shape[1]
+        # An array of one number is taken for a number by some functions, which then would not refuse it.
+        drives, bodies = self._numbers(values if m > 1 else np.repeat(values, 2, axis=1))
+        random = np.any(drives[CHANCE] != 0.0, axis=(0, 1)).tolist()
+        return [
+            replace(
+                self._typical,
+                source=partial(self._model_of, values[:, i].copy()),
+                drives=drives[:, :, i],
+                body=bodies[:, i],
+                has_random_link=random[i],
+            )
+            for i in range(m)
+        ]
+
+    def _one_by_one(self, values: FloatArray) -> list[PlanarRobot]:
+        return [planar_robot(self._model_of(one), self._timestep_s) for one in values.T]
+
+    def _agrees(self, values: FloatArray, robots: Sequence[PlanarRobot]) -> bool:
+        """Return whether the robots with `values` (k, m), computed at once, equal `robots` to the bit."""
+        if self._model.custom or any(robot.limits or robot.clocks != self._typical.clocks for robot in robots):
+            return False
+        try:
+            drives, bodies = self._numbers(values)
+        except (TypeError, ValueError, InputError):
+            return False
+        return all(
+            np.array_equal(drives[:, :, i], robot.drives) and np.array_equal(bodies[:, i], robot.body)
+            for i, robot in enumerate(robots)
+        )
+
+    def _numbers(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the drives, shape (P, 4, m), and the bodies, (20, m), of robots with `values` (k, m)."""
+        given = dict(zip(self._names, values, strict=True))
+        model = self._models(given)
+        acting = tuple(
+            (effect, effect.complete(model.effects[effect.name], model)) for effect in self._acting
+        )
+        for effect, full in acting:
+            if effect.change_model is not None and effect.acts_in("planar"):
+                model = effect.change_model(model, full)
+        inertia = spin_inertia(model.robot)
+        drives = np.empty((len(CHAIN), len(WHEELS), values.shape[1]))
+        for i, wheel in enumerate(self._wheels):
+            drive = changed_drive(self._drives(given, wheel), acting, wheel)
+            numbers = drive_numbers(model.robot, drive, 0.0, inertia_kg_m2=inertia)
+            row = [*numbers.dynprm, numbers.servo_n_m_s_rad, *numbers.user[: len(USER)]]
+            drives[:, i:] = table_of(row)[:, None]
+        bodies = body_numbers(
+            model.robot, acting, self._typical.clocks.timestep_s, inertia + drives[ROTOR, 0]
+        )
+        return drives, bodies
+
+    def _models(self, given: dict[str, FloatArray]) -> Model:
+        """Return the models with the numbers that are `given` by name, as one."""
+        robot, effects = {}, {name: dict(values) for name, values in self._model.effects.items()}
+        for name, numbers in given.items():
+            section, *rest = name.split(".")
+            if section == "robot":
+                robot[rest[0]] = numbers
+            elif section == "effects":
+                effects[rest[0]][rest[1]] = numbers
+        own = vars(self._model)
+        return _Models(**{**own, "robot": _Robots(**{**vars(own["robot"]), **robot}), "effects": effects})
+
+    def _drives(self, given: dict[str, FloatArray], wheel: str | None) -> DriveParameters:
+        """Return the drives of a wheel of all robots without any effect, as one."""
+        law = self._common.wheel.law if wheel is None else self._common.law_of(wheel)
+        if LAW[0] in given:
+            law = _Laws(**vars(law)).moved([given[name] for name in LAW])
+        drive = vars(self._model.wheel.drive_parameters())
+        limit = given.get("wheel.saturation_rpm", drive["saturation_rpm"])
+        return _Drives(**{**drive, "law": law, "saturation_rpm": limit, "load": _Loads(**vars(drive["load"]))})

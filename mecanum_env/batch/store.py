@@ -30,7 +30,8 @@ class Store(OnArrays):
         self._drives = self._array(np.repeat(common.drives[:, :, None], n, axis=2))
         self._bodies = self._array(np.repeat(common.body[:, None], n, axis=1))
         self._has_program = {name: any(program) for name, program in self.programs.items()}
-        self.parts = self._parts_of(common.drives[:, :, None])
+        self._largest = common.drives.max(axis=1)
+        self.parts = self._parts_of(self._largest)
         self._look()
 
     def put(self, rows: npt.NDArray[np.intp], robots: list[PlanarRobot]) -> None:
@@ -45,7 +46,11 @@ class Store(OnArrays):
         bodies = np.stack([robot.body for robot in robots], axis=-1)
         at = self._array(rows)
         self._drives[:, :, at], self._bodies[:, at] = self._array(drives), self._array(bodies)
-        self.parts = self.parts | self._parts_of(drives)
+        largest = np.maximum(self._largest, drives.max(axis=(1, 2)))
+        # What any robot had stays a part, so that the others do not change.
+        if not np.array_equal(largest > 0.0, self._largest > 0.0):
+            self.parts = self._parts_of(largest)
+        self._largest = largest
         agree, body_agrees = self._agree
         still = agree & np.all(drives == self._first[0][:, None, None], axis=(1, 2))
         body_still = body_agrees & np.all(bodies == self._first[1][:, None], axis=1)
@@ -54,9 +59,9 @@ class Store(OnArrays):
             self._agree = still, body_still
             self._look()
 
-    def _parts_of(self, drives: FloatArray) -> Parts:
-        largest = dict(zip(CHAIN, drives.max(axis=(1, 2)).tolist(), strict=True))
-        return Parts.of(largest, self._has_program, self._xp)
+    def _parts_of(self, largest: FloatArray) -> Parts:
+        """Return the parts of drives whose largest parameters are `largest`, (P,)."""
+        return Parts.of(dict(zip(CHAIN, largest.tolist(), strict=True)), self._has_program, self._xp)
 
     def __setstate__(self, kept: dict[str, Any]) -> None:
         """Make views of the tables in `kept`: those of a copy or a pickle are tables of their own."""

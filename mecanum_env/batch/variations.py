@@ -8,7 +8,6 @@ at once only if this gives the first few of them to the bit, and otherwise one a
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import partial
 from typing import Any, Final
 
@@ -20,7 +19,6 @@ from mecanum_env.batch.numbers import (
     PlanarRobot,
     body_numbers,
     planar_robot,
-    table_of,
 )
 from mecanum_env.effects.apply import Acting, active_effects, changed_drive, wheels_differ
 from mecanum_env.errors import InputError
@@ -31,7 +29,7 @@ from mecanum_env.model import Model, Robot
 from mecanum_env.plugin.layout import drive_numbers
 from mecanum_env.units import FloatArray
 from mecanum_env.wheel_drive.drive import DriveParameters
-from mecanum_env.wheel_drive.parameters import CHAIN, USER
+from mecanum_env.wheel_drive.parameters import CHAIN
 from mecanum_env.wheel_drive.wheel_load import WheelLoad
 
 LAW: Final = tuple(f"law.{name}" for name in COEFFICIENTS)
@@ -103,13 +101,18 @@ class Variations:
         # An array of one number is taken for a number by some functions, which then would not refuse it.
         drives, bodies = self._numbers(values if m > 1 else np.repeat(values, 2, axis=1))
         random = np.any(drives[CHANCE] != 0.0, axis=(0, 1)).tolist()
+        common = self._typical
         return [
-            replace(
-                self._typical,
-                source=partial(self._model_of, values[:, i].copy()),
-                drives=drives[:, :, i],
-                body=bodies[:, i],
-                has_random_link=random[i],
+            PlanarRobot(
+                partial(self._model_of, values[:, i].copy()),
+                common.clocks,
+                drives[:, :, i],
+                common.programs,
+                bodies[:, i],
+                common.link,
+                common.limits,
+                random[i],
+                common.alters_sensors,
             )
             for i in range(m)
         ]
@@ -141,12 +144,14 @@ class Variations:
             if effect.change_model is not None and effect.acts_in("planar"):
                 model = effect.change_model(model, full)
         inertia = spin_inertia(model.robot)
-        drives = np.empty((len(CHAIN), len(WHEELS), values.shape[1]))
+        # What is no array is as it is of the first robot.
+        drives = np.repeat(self._typical.drives[:, :, None], values.shape[1], axis=2)
         for i, wheel in enumerate(self._wheels):
             drive = changed_drive(self._drives(given, wheel), acting, wheel)
             numbers = drive_numbers(model.robot, drive, 0.0, inertia_kg_m2=inertia)
-            row = [*numbers.dynprm, numbers.servo_n_m_s_rad, *numbers.user[: len(USER)]]
-            drives[:, i:] = table_of(row)[:, None]
+            for row, number in zip(drives, (*numbers.dynprm, numbers.servo_n_m_s_rad, *numbers.user), strict=False):
+                if isinstance(number, np.ndarray):
+                    row[i:] = number
         bodies = body_numbers(
             model.robot, acting, self._typical.clocks.timestep_s, inertia + drives[ROTOR, 0]
         )

@@ -24,6 +24,7 @@ from mecanum_env.batch import LAW
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.model import EFFECT_PARAMETERS, ROBOT_NUMBERS, Model
+from mecanum_env.model.effect_names import cause_of
 from mecanum_env.units import FloatArray
 
 Range = tuple[float, float]
@@ -76,9 +77,7 @@ class Sampler:
             wheel = replace(model.wheel, law=model.wheel.law.moved(change))
             wheels = {name: own.moved(change) for name, own in model.wheels.items()}
             model = replace(model, wheel=wheel, wheels=wheels)
-        for name, number in given.items():
-            model = _with_number(model, name, number)
-        return model
+        return _with_numbers(model, given)
 
     def draw(self, rng: np.random.Generator) -> Model:
         """Return a model drawn with the generator `rng`.
@@ -94,10 +93,9 @@ class Sampler:
         Raises:
             InputError: a value that the model cannot have.
         """
-        lowest = highest = self.model
-        for name, (low, high) in self.ranges.items():
-            lowest, highest = _with_number(lowest, name, low), _with_number(highest, name, high)
-        return lowest, highest
+        lowest = {name: low for name, (low, _) in self.ranges.items()}
+        highest = {name: high for name, (_, high) in self.ranges.items()}
+        return _with_numbers(self.model, lowest), _with_numbers(self.model, highest)
 
     def ends(self) -> tuple[FloatArray, FloatArray]:
         """Return the numbers with the `names` of the two models in `edges`, shape (k,) each."""
@@ -199,9 +197,19 @@ def _check_name(name: str) -> None:
         )
 
 
-def _with_number(model: Model, name: str, value: float) -> Model:
-    section, *rest = name.split(".")
-    if section in ("robot", "wheel"):
-        return replace(model, **{section: replace(getattr(model, section), **{rest[0]: value})})
-    effect, parameter = rest
-    return model.with_effect(effect, **{**model.effects.get(effect, {}), parameter: value})
+def _with_numbers(model: Model, numbers: Mapping[str, float]) -> Model:
+    """Return a model with some `numbers` by name; all at once, since each model that is made is checked."""
+    parts: dict[str, dict[str, float]] = {"robot": {}, "wheel": {}}
+    effects = dict(model.effects)
+    for name, number in numbers.items():
+        section, *rest = name.split(".")
+        if section in parts:
+            parts[section][rest[0]] = number
+            continue
+        effect, parameter = rest
+        if effect not in effects:
+            # A model has one form of a cause.
+            effects = {kept: own for kept, own in effects.items() if cause_of(kept) != cause_of(effect)}
+        effects[effect] = {**effects.get(effect, {}), parameter: number}
+    changed = {section: replace(getattr(model, section), **own) for section, own in parts.items() if own}
+    return replace(model, **changed, effects=effects)

@@ -70,12 +70,6 @@ class Parts:
         values = [getattr(self, field.name) for field in fields(self)]
         return _restored, (self.xp.__name__, *values[1:])
 
-    def __or__(self, other: Parts) -> Parts:
-        """Return the parts that these or the others have."""
-        flags = [field.name for field in fields(self) if field.type == "bool"]
-        either = {name: getattr(self, name) or getattr(other, name) for name in flags}
-        return Parts(self.xp, self.sines, self.exponentials, **either)
-
 
 def _restored(module: str, *values: Any) -> Parts:
     return Parts(sys.modules[module], *values)

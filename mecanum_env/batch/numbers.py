@@ -216,7 +216,7 @@ def body_numbers(robot: Robot, acting: Acting, timestep_s: float, wheel_kg_m2: f
 
 
 def table_of(numbers: Sequence[Any]) -> FloatArray:
-    """Return `numbers` as an array (k, m); floats among arrays (m,) are repeated, and without arrays m is 1."""
+    """Return `numbers` as an array (k, m), floats repeated beside arrays (m,); without arrays m is 1."""
     m = next((len(number) for number in numbers if isinstance(number, np.ndarray)), 1)
     table = np.empty((len(numbers), m))
     for row, number in zip(table, numbers, strict=True):

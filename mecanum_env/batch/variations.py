@@ -7,7 +7,7 @@ at once only if this gives the first few of them to the bit, and otherwise one a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, Final
 
@@ -20,7 +20,8 @@ from mecanum_env.batch.numbers import (
     body_numbers,
     planar_robot,
 )
-from mecanum_env.effects.apply import Acting, active_effects, changed_drive, wheels_differ
+from mecanum_env.effects import CATALOGUE
+from mecanum_env.effects.apply import active_effects, changed_drive, wheels_differ
 from mecanum_env.errors import InputError
 from mecanum_env.kinematics import WHEELS
 from mecanum_env.law.coefficients import COEFFICIENTS, WheelLaw
@@ -61,12 +62,12 @@ class _Loads(WheelLoad):
 
 
 class Variations:
-    """Makes robots that differ in the numbers with some `names`, k of them, for a batch.
+    """Makes robots for a batch that differ from a `model` in the numbers with some `names`, k of them.
 
     The names are those in `LAW`, "wheel.saturation_rpm", "robot.NAME" or "effects.EFFECT.PARAMETER", as in a
-    model file; `model_of` makes a model from such numbers, and from all else of `model`. The `first` robots, shape (k, m), decide whether
-    all can be computed at once; the effects and the wheels of the first of them are those of all. `timestep_s`
-    is that of `planar_robot`.
+    model file, and `model_of` makes the model with such numbers. With the `first` robots, shape (k, m), it is
+    tried whether all can be computed at once; all have the effects of the first one. `timestep_s` is that of
+    `planar_robot`.
 
     Raises:
         InputError: one of the first robots cannot be simulated.
@@ -84,7 +85,8 @@ class Variations:
         self._timestep_s = timestep_s
         robots = self._one_by_one(first)
         self._typical, self._model = robots[0], robots[0].model
-        self._acting = [effect for effect, _ in active_effects(self._model)]
+        # By name, since effects cannot be pickled.
+        self._acting = [effect.name for effect, _ in active_effects(self._model)]
         self._wheels = WHEELS if wheels_differ(self._model) else (None,)
         self.at_once = first.shape[1] > 1 and self._agrees(first, robots)
         """Whether robots are computed at once."""
@@ -98,8 +100,12 @@ class Variations:
         if not self.at_once:
             return self._one_by_one(values)
         m = values.shape[1]
-        # An array of one number is taken for a number by some functions, which then would not refuse it.
-        drives, bodies = self._numbers(values if m > 1 else np.repeat(values, 2, axis=1))
+        try:
+            # Two of a single one: some functions take an array of one number for the number.
+            drives, bodies = self._numbers(values if m > 1 else np.repeat(values, 2, axis=1))
+        except (TypeError, ValueError, InputError):
+            # A robot that cannot be is refused by its own number.
+            return self._one_by_one(values)
         random = np.any(drives[CHANCE] != 0.0, axis=(0, 1)).tolist()
         common = self._typical
         return [
@@ -122,7 +128,9 @@ class Variations:
 
     def _agrees(self, values: FloatArray, robots: Sequence[PlanarRobot]) -> bool:
         """Return whether the robots with `values` (k, m), computed at once, equal `robots` to the bit."""
-        if self._model.custom or any(robot.limits or robot.clocks != self._typical.clocks for robot in robots):
+        if self._model.custom or any(
+            robot.limits or robot.clocks != self._typical.clocks for robot in robots
+        ):
             return False
         try:
             drives, bodies = self._numbers(values)
@@ -138,7 +146,7 @@ class Variations:
         given = dict(zip(self._names, values, strict=True))
         model = self._models(given)
         acting = tuple(
-            (effect, effect.complete(model.effects[effect.name], model)) for effect in self._acting
+            (CATALOGUE[name], CATALOGUE[name].complete(model.effects[name], model)) for name in self._acting
         )
         for effect, full in acting:
             if effect.change_model is not None and effect.acts_in("planar"):
@@ -148,18 +156,20 @@ class Variations:
         drives = np.repeat(self._typical.drives[:, :, None], values.shape[1], axis=2)
         for i, wheel in enumerate(self._wheels):
             drive = changed_drive(self._drives(given, wheel), acting, wheel)
-            numbers = drive_numbers(model.robot, drive, 0.0, inertia_kg_m2=inertia)
-            for row, number in zip(drives, (*numbers.dynprm, numbers.servo_n_m_s_rad, *numbers.user), strict=False):
+            found = drive_numbers(model.robot, drive, 0.0, inertia_kg_m2=inertia)
+            chain: tuple[Any, ...] = (*found.dynprm, found.servo_n_m_s_rad, *found.user)
+            for row, number in zip(drives, chain[: len(CHAIN)], strict=True):
                 if isinstance(number, np.ndarray):
-                    row[i:] = number
+                    row[slice(None) if wheel is None else i] = number
         bodies = body_numbers(
             model.robot, acting, self._typical.clocks.timestep_s, inertia + drives[ROTOR, 0]
         )
         return drives, bodies
 
-    def _models(self, given: dict[str, FloatArray]) -> Model:
+    def _models(self, given: Mapping[str, Any]) -> Model:
         """Return the models with the numbers that are `given` by name, as one."""
-        robot, effects = {}, {name: dict(values) for name, values in self._model.effects.items()}
+        robot: dict[str, Any] = {}
+        effects = {name: dict(values) for name, values in self._model.effects.items()}
         for name, numbers in given.items():
             section, *rest = name.split(".")
             if section == "robot":
@@ -169,11 +179,13 @@ class Variations:
         own = vars(self._model)
         return _Models(**{**own, "robot": _Robots(**{**vars(own["robot"]), **robot}), "effects": effects})
 
-    def _drives(self, given: dict[str, FloatArray], wheel: str | None) -> DriveParameters:
+    def _drives(self, given: Mapping[str, Any], wheel: str | None) -> DriveParameters:
         """Return the drives of a wheel of all robots without any effect, as one."""
         law = self._common.wheel.law if wheel is None else self._common.law_of(wheel)
         if LAW[0] in given:
             law = _Laws(**vars(law)).moved([given[name] for name in LAW])
         drive = vars(self._model.wheel.drive_parameters())
         limit = given.get("wheel.saturation_rpm", drive["saturation_rpm"])
-        return _Drives(**{**drive, "law": law, "saturation_rpm": limit, "load": _Loads(**vars(drive["load"]))})
+        return _Drives(
+            **{**drive, "law": law, "saturation_rpm": limit, "load": _Loads(**vars(drive["load"]))}
+        )

@@ -130,7 +130,10 @@ def drive_parameters(model: Model, wheel_name: str | None = None) -> DriveParame
 
 
 def changed_drive(drive: DriveParameters, acting: Acting, wheel_name: str | None) -> DriveParameters:
-    """Return a drive with what the effects that act in it change, as `drive_parameters` does."""
+    """Return a drive with what the effects that are `acting` change in it.
+
+    `wheel_name` is as for `drive_parameters`, whose rules hold.
+    """
     for effect, values in acting:
         if effect.change_drive is not None:
             with _named(effect):

@@ -281,9 +281,7 @@ class Arena:
         if self.sensing is not None or self.instruments.acts_on(rows):
             return self.observe()[rows]
         extra = [self._math.array(number)[rows] for number in self.judge.observe()]
-        return self.instruments.observe_first(
-            self.scenes.now[:, rows], self.chance.noise.first(rows), extra
-        )
+        return self.instruments.observe_first(self.scenes.now[:, rows], self.chance.noise.first(rows), extra)
 
     def first_info(self, rows: RowArray) -> dict[str, npt.NDArray[Any]]:
         """Return what `state_info` says of episodes that have just begun in some rows (m,), arrays (m,)."""

@@ -92,7 +92,8 @@ class Measured(Protocol):
     """A robot whose sensors are read."""
 
     @property
-    def model(self) -> Model: ...
+    def model(self) -> Model:
+        """Its model."""
 
     @property
     def alters_sensors(self) -> bool:
@@ -154,9 +155,9 @@ class Instruments:
     def observe_first(
         self, scene: FloatArray, noise: FloatArray, extra: Sequence[Number]
     ) -> npt.NDArray[np.float32]:
-        """Return what `observe` does of m episodes that begin in a `scene` (11, m): all rest, swords on guard.
+        """Return what `observe` does of m episodes that begin in a `scene`, (11, m), without sensor effects.
 
-        `noise` has the shape (17, m), and `extra` has k numbers of arrays (m,). No sensor effect acts.
+        Nobody moves, and the swords are on guard. `noise` has the shape (17, m); `extra` are k arrays (m,).
         """
         m = scene.shape[1]
         math, (x, y, heading) = Many(m), scene[6:9]
@@ -196,7 +197,7 @@ class Instruments:
         )
 
     def _read(self, shown: FloatArray, noise: FloatArray) -> npt.NDArray[np.float32]:
-        """Return what is `shown`, shape (20 + k, n), with `noise` (17, n) and within its limits: (n, 20 + k)."""
+        """Return what is `shown`, (20 + k, n), with `noise` (17, n) and within its limits, (n, 20 + k)."""
         noise = self._sizes * noise
         # Named, since a sum in place of a slice is written back into the slice, too.
         before_command, behind_it = shown[:13], shown[16:20]

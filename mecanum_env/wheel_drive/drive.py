@@ -163,7 +163,7 @@ class DriveParameters:
 
     @property
     def supply_share(self) -> float:
-        """Share of the way to the speed that the supply allows which a wheel goes in a tick; 0 without one."""
+        """Share of what is left to the supply's speed that a wheel gains in a tick; 0 without a supply."""
         if not math.isfinite(self.supply_rpm):
             return 0.0
         if self.supply_s > 0.0:

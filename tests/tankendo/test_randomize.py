@@ -215,7 +215,8 @@ def test_drawn_robots_drive_as_robots_compiled_for_each_episode(make, paper):
     }
     envs = [make(model=known(paper), randomize=ranges) for _ in range(2)]
     fresh = envs[1].unwrapped
-    fresh._episodes = replace(fresh._episodes, compiled=partial(compile_model, plant="planar"))
+    drawn = replace(fresh._episodes.drawn, compiler=partial(compile_model, plant="planar"))
+    fresh._episodes = replace(fresh._episodes, drawn=drawn)
     actions = np.random.default_rng(0).uniform(-1, 1, (20, 3)).astype(np.float32)
     for seed in range(8):
         seen = [[env.reset(seed=seed)[0], *(env.step(action)[0] for action in actions)] for env in envs]

@@ -57,7 +57,9 @@ class PlanarBatch(OnArrays):
         latches = Latches(n, self.clocks.drive_period_s, arrays)
         self._set_points = SetPoints(latches, self.clocks.sample_period_s, self.clocks.timestep_s, arrays)
         self._limits = BatchLimits(common, n, arrays) if common.limits else None
-        self._drives = DriveState(**{name: array(np.zeros((4, n))) for name in _STATE})
+        # Every part of a drive replaces the arrays of its state: what no part writes stays this one.
+        self._rest = array(np.zeros((4, n)))
+        self._drives = DriveState(**dict.fromkeys(_STATE, self._rest))
         self._steps = np.zeros(n)
         self._pose, self._velocity = array(np.zeros((3, n))), array(np.zeros((3, n)))
         self._mixing = array(body_to_wheels(np.eye(3)).T)  # (4, 3)
@@ -89,7 +91,8 @@ class PlanarBatch(OnArrays):
         new = [self._common] * len(rows) if robots is None else robots
         changed = [i for i, row in enumerate(rows.tolist()) if new[i] is not self._of[row]]
         for robot in (new[i] for i in changed):
-            if robot.clocks != self.clocks or bool(robot.limits) != (self._limits is not None):
+            same_clocks = robot.clocks is self.clocks or robot.clocks == self.clocks
+            if not same_clocks or bool(robot.limits) != (self._limits is not None):
                 raise InputError(
                     "robots of one batch must have the same command period, sample period and physics step, "
                     "and all or none limits on the body's command"
@@ -101,7 +104,9 @@ class PlanarBatch(OnArrays):
             self._limits.restart(rows, new)
         at = self._array(rows)
         for name in _STATE:
-            getattr(self._drives, name)[:, at] = 0.0
+            state = getattr(self._drives, name)
+            if state is not self._rest:
+                state[:, at] = 0.0
         self._steps[rows] = 0.0
         self._pose[:, at], self._velocity[:, at] = self._array(poses), 0.0
 
@@ -114,7 +119,7 @@ class PlanarBatch(OnArrays):
 
     def _take_over(self, rows: np.ndarray[Any, Any], robots: list[PlanarRobot]) -> None:
         """Bring the set-points up to date with the parameters of `robots` that are new in some `rows`."""
-        links = np.stack([robot.drives[_LINK, 0] for robot in robots], axis=-1)
+        links = np.stack([robot.drives[:, 0] for robot in robots], axis=-1)[_LINK]
         self._set_points.latches.take(rows, dict(zip(LINK, links, strict=True)))
         self._set_points.take(self._store.p)
 

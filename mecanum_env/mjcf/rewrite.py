@@ -85,10 +85,14 @@ class PlanarTemplate(Template):
 
     plant = "planar"
 
+    def __init__(self, model: Model, mj_model: mujoco.MjModel) -> None:
+        super().__init__(model, mj_model)
+        self._base = int(mj_model.body("base").id)
+
     def _write_body(self, mj_model: mujoco.MjModel, model: Model, drives: list[WheelNumbers]) -> None:
-        numbers, base = planar_numbers(model.robot, drives[0].rotor_kg_m2), mj_model.body("base").id
-        mj_model.body_pos[base, 2] = model.robot.wheel_radius_m
-        _set_inertia(mj_model, [base], numbers.inertia)
+        numbers = planar_numbers(model.robot, drives[0].rotor_kg_m2)
+        mj_model.body_pos[self._base, 2] = model.robot.wheel_radius_m
+        _set_inertia(mj_model, [self._base], numbers.inertia)
         mj_model.dof_armature[:] = numbers.armature
         mj_model.actuator_gear[self._actuators] = numbers.gears
 

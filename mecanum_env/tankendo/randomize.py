@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -45,7 +46,7 @@ class Sampler:
     robot_errors: Mapping[str, float] | None = None
     """Standard errors of fitted parameters of the robot by name."""
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the numbers that are drawn, in the order in which they are."""
         robot = (f"robot.{name}" for name in self.robot_errors or {})

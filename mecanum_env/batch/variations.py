@@ -25,7 +25,8 @@ from mecanum_env.effects.apply import active_effects, changed_drive, wheels_diff
 from mecanum_env.errors import InputError
 from mecanum_env.kinematics import WHEELS
 from mecanum_env.law.coefficients import COEFFICIENTS, WheelLaw
-from mecanum_env.mjcf.physics import spin_inertia
+from mecanum_env.mjcf.geometry import wheel_geometry
+from mecanum_env.mjcf.masses import robot_masses, spin_inertia
 from mecanum_env.model import Model, Robot
 from mecanum_env.plugin.layout import drive_numbers
 from mecanum_env.units import FloatArray
@@ -35,6 +36,8 @@ from mecanum_env.wheel_drive.wheel_load import WheelLoad
 
 LAW: Final = tuple(f"law.{name}" for name in COEFFICIENTS)
 """Names of what is added to the coefficients of a robot's laws; their gain is kept (`WheelLaw.moved`)."""
+_MARGIN: Final = 1e-9
+"""Share by which a yaw inertia must be above the least one; closer ones are computed one by one."""
 ModelOf = Callable[[FloatArray], Model]
 """Makes the model of a robot from its numbers (k,)."""
 
@@ -88,6 +91,10 @@ class Variations:
         # By name, since effects cannot be pickled.
         self._acting = [effect.name for effect, _ in active_effects(self._model)]
         self._wheels = WHEELS if wheels_differ(self._model) else (None,)
+        # The yaw inertia of all but the base, which has no less than none, goes with the mass.
+        robot = self._model.robot
+        least = robot.yaw_inertia_kg_m2 - robot_masses(robot).base.moments[2]
+        self._least_m2 = (1.0 + _MARGIN) * least / robot.mass_kg
         self.at_once = first.shape[1] > 1 and self._agrees(first, robots)
         """Whether robots are computed at once."""
 
@@ -151,19 +158,21 @@ class Variations:
         for effect, full in acting:
             if effect.change_model is not None and effect.acts_in("planar"):
                 model = effect.change_model(model, full)
-        inertia = spin_inertia(model.robot)
+        robot = model.robot
+        if np.any(robot.yaw_inertia_kg_m2 <= self._least_m2 * robot.mass_kg):
+            raise InputError("robot.yaw_inertia_kg_m2 may be less than the wheels alone have at their places")
+        geometry = wheel_geometry(robot.wheel_radius_m, robot.rollers_per_wheel)
+        inertia = spin_inertia(robot.mass_kg, geometry)
         # What is no array is as it is of the first robot.
         drives = np.repeat(self._typical.drives[:, :, None], values.shape[1], axis=2)
         for i, wheel in enumerate(self._wheels):
             drive = changed_drive(self._drives(given, wheel), acting, wheel)
-            found = drive_numbers(model.robot, drive, 0.0, inertia_kg_m2=inertia)
+            found = drive_numbers(robot, drive, 0.0, inertia_kg_m2=inertia)
             chain: tuple[Any, ...] = (*found.dynprm, found.servo_n_m_s_rad, *found.user)
             for row, number in zip(drives, chain[: len(CHAIN)], strict=True):
                 if isinstance(number, np.ndarray):
                     row[slice(None) if wheel is None else i] = number
-        bodies = body_numbers(
-            model.robot, acting, self._typical.clocks.timestep_s, inertia + drives[ROTOR, 0]
-        )
+        bodies = body_numbers(robot, acting, self._typical.clocks.timestep_s, inertia + drives[ROTOR, 0])
         return drives, bodies
 
     def _models(self, given: Mapping[str, Any]) -> Model:

@@ -6,8 +6,6 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numpy as np
-
 from mecanum_env.errors import InputError
 from mecanum_env.kinematics import WHEELS
 from mecanum_env.mjcf.geometry import WheelGeometry, wheel_geometry, wheel_position
@@ -41,10 +39,7 @@ class Masses:
 
     def wheel_spin_inertia(self, geometry: WheelGeometry) -> float:
         """Return the moment [kg m^2] of hub and rollers about the axle, with the rollers not spinning."""
-        # The roller's axis is at 45 degrees to the axle.
-        across, _, along = self.roller.moments
-        about_axle = self.roller.mass * geometry.roller_circle**2 + (across + along) / 2
-        return self.hub.moments[1] + geometry.rollers * about_axle
+        return _spin_inertia(self.hub, self.roller, geometry)
 
 
 def robot_masses(robot: Robot) -> Masses:
@@ -55,10 +50,7 @@ def robot_masses(robot: Robot) -> Masses:
     """
     geometry = wheel_geometry(robot.wheel_radius_m, robot.rollers_per_wheel)
     total = robot.mass_kg
-    hub = _cylinder_y(_HUB_SHARE * total, geometry.roller_circle, 0.6 * geometry.half_width)
-    roller = _ellipsoid(
-        _ROLLERS_SHARE * total / geometry.rollers, geometry.roller_radius, geometry.roller_half_length
-    )
+    hub, roller = _wheel_masses(total, geometry)
     thickness = 0.3 * robot.wheel_radius_m
     rocker = _box(_ROCKER_SHARE * total, thickness, robot.half_track_m, thickness)
     masses = Masses(hub, roller, rocker, Inertia(0.0, (0.0, 0.0, 0.0)))
@@ -72,8 +64,7 @@ def robot_masses(robot: Robot) -> Masses:
     # The base's centre of mass is behind the robot's centre, where it balances the rocker.
     mass = total * (1 - _ROCKER_SHARE - 4 * (_HUB_SHARE + _ROLLERS_SHARE))
     left -= mass * base_offset(robot) ** 2
-    # All of many robots, whose numbers are arrays.
-    if not np.all(left > 0.0):
+    if left <= 0.0:
         raise InputError(
             f"robot.yaw_inertia_kg_m2 = {robot.yaw_inertia_kg_m2:g} is less than the wheels alone have at "
             f"their places, {robot.yaw_inertia_kg_m2 - left:.4g}; a solid plate of the robot's size has "
@@ -85,6 +76,25 @@ def robot_masses(robot: Robot) -> Masses:
     tilt = unit * (robot.wheel_radius_m * 1.2) ** 2
     base = Inertia(mass, (unit * b**2 + tilt, unit * a**2 + tilt, left))
     return Masses(hub, roller, rocker, base)
+
+
+def spin_inertia(mass_kg: float, geometry: WheelGeometry) -> float:
+    """Return the `wheel_spin_inertia` of a robot of this mass, or of many of masses (m,)."""
+    return _spin_inertia(*_wheel_masses(mass_kg, geometry), geometry)
+
+
+def _wheel_masses(mass_kg: float, geometry: WheelGeometry) -> tuple[Inertia, Inertia]:
+    """Return hub and roller of a robot of this mass."""
+    hub = _cylinder_y(_HUB_SHARE * mass_kg, geometry.roller_circle, 0.6 * geometry.half_width)
+    roller = _ROLLERS_SHARE * mass_kg / geometry.rollers
+    return hub, _ellipsoid(roller, geometry.roller_radius, geometry.roller_half_length)
+
+
+def _spin_inertia(hub: Inertia, roller: Inertia, geometry: WheelGeometry) -> float:
+    # The roller's axis is at 45 degrees to the axle.
+    across, _, along = roller.moments
+    about_axle = roller.mass * geometry.roller_circle**2 + (across + along) / 2
+    return hub.moments[1] + geometry.rollers * about_axle
 
 
 def base_offset(robot: Robot) -> float:

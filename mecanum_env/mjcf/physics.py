@@ -143,10 +143,5 @@ def add_drive(
 @lru_cache(maxsize=64)
 def wheel_inertia(robot: Robot) -> float:
     """Return the moment of inertia [kg m^2] of a robot's free wheel about its axle, rollers included."""
-    return spin_inertia(robot)
-
-
-def spin_inertia(robot: Robot) -> float:
-    """Return what `wheel_inertia` does, also of robots whose masses and inertias are arrays (m,)."""
     geometry = wheel_geometry(robot.wheel_radius_m, robot.rollers_per_wheel)
     return robot_masses(robot).wheel_spin_inertia(geometry)

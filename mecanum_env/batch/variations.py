@@ -26,7 +26,7 @@ from mecanum_env.errors import InputError
 from mecanum_env.kinematics import WHEELS
 from mecanum_env.law.coefficients import COEFFICIENTS, WheelLaw
 from mecanum_env.mjcf.geometry import wheel_geometry
-from mecanum_env.mjcf.masses import robot_masses, spin_inertia
+from mecanum_env.mjcf.masses import spin_inertia, surely_possible
 from mecanum_env.model import Model, Robot
 from mecanum_env.plugin.layout import drive_numbers
 from mecanum_env.units import FloatArray
@@ -36,8 +36,6 @@ from mecanum_env.wheel_drive.wheel_load import WheelLoad
 
 LAW: Final = tuple(f"law.{name}" for name in COEFFICIENTS)
 """Names of what is added to the coefficients of a robot's laws; their gain is kept (`WheelLaw.moved`)."""
-_MARGIN: Final = 1e-9
-"""Share by which a yaw inertia must be above the least one; closer ones are computed one by one."""
 ModelOf = Callable[[FloatArray], Model]
 """Makes the model of a robot from its numbers (k,)."""
 
@@ -91,10 +89,6 @@ class Variations:
         # By name, since effects cannot be pickled.
         self._acting = [effect.name for effect, _ in active_effects(self._model)]
         self._wheels = WHEELS if wheels_differ(self._model) else (None,)
-        # The yaw inertia of all but the base, which has no less than none, goes with the mass.
-        robot = self._model.robot
-        least = robot.yaw_inertia_kg_m2 - robot_masses(robot).base.moments[2]
-        self._least_m2 = (1.0 + _MARGIN) * least / robot.mass_kg
         self.at_once = first.shape[1] > 1 and self._agrees(first, robots)
         """Whether robots are computed at once."""
 
@@ -159,7 +153,7 @@ class Variations:
             if effect.change_model is not None and effect.acts_in("planar"):
                 model = effect.change_model(model, full)
         robot = model.robot
-        if np.any(robot.yaw_inertia_kg_m2 <= self._least_m2 * robot.mass_kg):
+        if not np.all(surely_possible(robot)):
             raise InputError("robot.yaw_inertia_kg_m2 may be less than the wheels alone have at their places")
         geometry = wheel_geometry(robot.wheel_radius_m, robot.rollers_per_wheel)
         inertia = spin_inertia(robot.mass_kg, geometry)

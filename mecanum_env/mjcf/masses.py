@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 from mecanum_env.errors import InputError
 from mecanum_env.kinematics import WHEELS
@@ -17,6 +18,9 @@ _ROLLERS_SHARE = 0.02
 """Mass of the rollers of one wheel over that of the robot: 40 g each at 20 kg, as rubber of 1 g/cm^3 has."""
 _ROCKER_SHARE = 0.025
 """Mass of the front rocker over that of the robot."""
+
+_LARGE = 1e3  # a yaw inertia that a robot of 1 kg may have [kg m^2]
+_MARGIN = 1e-9  # above the rounding of the sum of all inertias
 
 
 class Inertia(NamedTuple):
@@ -76,6 +80,24 @@ def robot_masses(robot: Robot) -> Masses:
     tilt = unit * (robot.wheel_radius_m * 1.2) ** 2
     base = Inertia(mass, (unit * b**2 + tilt, unit * a**2 + tilt, left))
     return Masses(hub, roller, rocker, base)
+
+
+def surely_possible(robot: Robot) -> Any:
+    """Return whether the yaw inertia is clearly above that of wheels and rocker, as `robot_masses` asks.
+
+    It takes a fraction of the time. Mass and yaw inertia may be arrays (m,), those of many robots.
+    """
+    least_m2 = _least_yaw_m2(
+        robot.wheel_radius_m, robot.half_wheelbase_m, robot.half_track_m, robot.rollers_per_wheel
+    )
+    return robot.yaw_inertia_kg_m2 > (1.0 + _MARGIN) * least_m2 * robot.mass_kg
+
+
+@lru_cache(maxsize=64)
+def _least_yaw_m2(radius_m: float, half_wheelbase_m: float, half_track_m: float, rollers: int) -> float:
+    """Return the yaw inertia of all but the base, at its place, over the robot's mass."""
+    robot = Robot(radius_m, half_wheelbase_m, half_track_m, 1.0, _LARGE, rollers)
+    return _LARGE - robot_masses(robot).base.moments[2]
 
 
 def spin_inertia(mass_kg: float, geometry: WheelGeometry) -> float:

@@ -12,7 +12,7 @@ import mujoco
 from mecanum_env.effects.apply import drive_parameters
 from mecanum_env.errors import InputError
 from mecanum_env.mjcf.geometry import wheel_geometry
-from mecanum_env.mjcf.masses import robot_masses
+from mecanum_env.mjcf.masses import robot_masses, spin_inertia, surely_possible
 from mecanum_env.model import Model, Robot
 from mecanum_env.plugin.layout import NO_TORQUE_LIMIT, rotor_inertia, set_wheel_parameters
 
@@ -142,6 +142,11 @@ def add_drive(
 
 @lru_cache(maxsize=64)
 def wheel_inertia(robot: Robot) -> float:
-    """Return the moment of inertia [kg m^2] of a robot's free wheel about its axle, rollers included."""
-    geometry = wheel_geometry(robot.wheel_radius_m, robot.rollers_per_wheel)
-    return robot_masses(robot).wheel_spin_inertia(geometry)
+    """Return the moment of inertia [kg m^2] of a robot's free wheel about its axle, rollers included.
+
+    Raises:
+        InputError: the robot's yaw inertia is less than that of its wheels alone.
+    """
+    if not surely_possible(robot):
+        robot_masses(robot)
+    return spin_inertia(robot.mass_kg, wheel_geometry(robot.wheel_radius_m, robot.rollers_per_wheel))

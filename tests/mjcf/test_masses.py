@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from mecanum_env.errors import InputError
 from mecanum_env.mjcf import bench_spec, planar_spec, robot_spec
 from mecanum_env.mjcf.geometry import wheel_geometry
-from mecanum_env.mjcf.masses import robot_masses
+from mecanum_env.mjcf.masses import robot_masses, surely_possible
+from mecanum_env.mjcf.physics import wheel_inertia
 from mecanum_env.mjcf.plants import wheel_armature
 from mecanum_env.model import Robot, paper_model
 
@@ -79,3 +80,15 @@ def test_the_planar_plant_carries_the_wheels_inertia_as_armature(packaged):
     k = robot.half_wheelbase_m + robot.half_track_m
     assert translation == pytest.approx(4 * spin / robot.wheel_radius_m**2, rel=0.02)
     assert rotation == pytest.approx(4 * spin * k**2 / robot.wheel_radius_m**2, rel=0.02)
+
+
+@pytest.mark.parametrize("mass_kg", [2.0, 20.0, 300.0])
+def test_what_is_surely_possible_is_not_refused(mass_kg):
+    robot = Robot(mass_kg=mass_kg, yaw_inertia_kg_m2=0.1 * mass_kg)
+    least = robot.yaw_inertia_kg_m2 - robot_masses(robot).base.moments[2]
+    above, below = (replace(robot, yaw_inertia_kg_m2=share * least) for share in (1 + 1e-6, 1 - 1e-6))
+    assert surely_possible(above)
+    assert robot_masses(above).base.moments[2] > 0.0
+    assert not surely_possible(below)
+    with pytest.raises(InputError, match="less than the wheels alone"):
+        wheel_inertia(below)

@@ -14,7 +14,7 @@ which effects every run has in another size (`sysid.compare.model_error.run_to_r
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -23,37 +23,31 @@ import numpy as np
 from mecanum_env.errors import InputError
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
-from sysid.compare.measured import (
-    COMMAND_STEP_RPM,
-    Block,
-    Observations,
-    changes_from_rest,
-    is_long,
-    observe,
-    pieces,
-    start_of,
-)
+from sysid.compare.measured import Block, Observations, is_long, observe, pieces
 from sysid.compare.model_error.adopted import as_fitted
 from sysid.compare.model_error.freedom import freedom_of_each
 from sysid.compare.model_error.run_to_run import run_to_run_columns
+from sysid.compare.model_error.same_commands import same_commands
 from sysid.compare.model_error.whitening import Whitener
 from sysid.compare.noise import Noise, measure_noise
 from sysid.compare.predicted import SimulationSettings, Simulators
 from sysid.logs import Dataset, Run
+from sysid.logs.runs import Level
 
-_CLOCK_S: Final = 0.03
-"""By how much the times of two changes of command may differ [s] beyond one and a half rows. Assumed: loops
-on common computers send a command so late now and then."""
 _FEWEST_SHARED: Final = 0.5
 """Least share of the command sequences that must be among those of the fit for these alone to decide.
 Assumed."""
 _FEWEST_SEQUENCES: Final = 2
 """Least number of command sequences that must be among those of the fit. Assumed: what happened once in one
 sequence says nothing of others."""
-_MARGIN: Final = 2.0
-"""Factor on the variance of what differs from run to run, which the repeats of a few sequences tell roughly.
-Chosen on drawn robots (the quiet rows of python benchmarks/robot_sensitivity.py with seeds 24, 38 and 40):
+_MARGIN: Final[Mapping[Level, float]] = {"bench": 1.0, "robot": 2.0}
+"""Factor on the variance of what differs from run to run, which the repeats of a few sequences of a robot tell
+roughly. Chosen on drawn robots (the quiet rows of python benchmarks/robot_sensitivity.py with seeds 24, 38 and 40):
 with 1 some logs in which nothing had changed were called a gap."""
+_LEAST_FACTOR: Final[Mapping[Level, float]] = {"bench": 0.0, "robot": 1.0}
+"""Least factor on the variance that neighbouring samples or plain repeats show. On a robot, noise that is less
+than each sample's own would be an accident of the few sequences. On the bench, plain repeats differ by the times
+at which their commands were sent, too, which a prediction knows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,13 +101,14 @@ class RepeatedCommands:
 
         These are what each of them changes in the new logs, whitened, (N,).
         """
-        if self.scatter is None or not effects:
+        level = self.observations.situations[0].runs[0].level
+        if self.scatter is None or not effects or level == "bench":
             return self
         blocks, groups = self.observations.blocks, [s.group for s in self.observations.situations]
         run = np.concatenate([np.full(block.value.size, block.situation) for block in blocks])
         # All runs of a sequence are beside the same scatter.
         asked = {groups[block.situation]: block.situation for block in blocks}.values()
-        scatter = math.sqrt(_MARGIN) * whitener.whiten(self.scatter)
+        scatter = math.sqrt(_MARGIN[level]) * whitener.whiten(self.scatter)
         columns = np.stack(effects, axis=1)
         return replace(self, varying=run_to_run_columns(scatter, columns, run, tuple(asked)))
 
@@ -143,7 +138,7 @@ def repeated_commands(
     period_s = model.wheel.command_period_s
     # Runs of a study are cut, too, where all of them are too long. A piece is the same for all new runs.
     cut = [piece for run in fitted_on.runs if is_long(run) for piece in pieces(run, period_s)]
-    partners = [_partners(run, (*fitted_on.runs, *cut), period_s) for run in first]
+    partners = [same_commands(run, (*fitted_on.runs, *cut), period_s) for run in first]
     groups = [situation.group for situation in observations.situations]
     shared = [index for index, runs in enumerate(partners) if runs]
     known = {groups[index] for index in shared}
@@ -164,42 +159,21 @@ def repeated_commands(
             pairs.append(found)
     observations = replace(observations, blocks=tuple(pair.block for pair in pairs))
     noise, freedom = measure_noise(fitted_on, before), freedom_of_each(())
-    parts = [pair.scatter for pair in pairs if pair.scatter is not None]
-    scatter = tuple(parts) if len(parts) == len(pairs) else None
-    if scatter is not None:
-        noise, freedom = _calibrated(noise, observations, scatter)
+    level = first[0].level
+    scatters = _scatters(pairs)
+    if scatters:
+        noise, freedom = _calibrated(noise, observations, scatters, level)
+    elif level == "bench":
+        # Nothing else tells by how much two answers of a wheel to one command differ after its changes.
+        return None
     return RepeatedCommands(
         observations,
         tuple(pair.error for pair in pairs),
-        scatter,
+        scatters[0] if scatters else None,
         freedom * len(known),
         simulators,
         Whitener(before, noise, None),
     )
-
-
-def _partners(run: Run, of_fit: Sequence[Run], period_s: float) -> dict[Run, float]:
-    """Return the runs of the fit that were sent the commands of a run, each with its shift [s]."""
-    shifts = {other: _shift_s(run, other, period_s) for other in of_fit}
-    return {other: shift for other, shift in shifts.items() if shift is not None}
-
-
-def _shift_s(run: Run, other: Run, period_s: float) -> float | None:
-    """Return how much later another run was sent the same commands, by its stamps [s]; None if it was not.
-
-    It is a multiple of the command period: else the robot's clock had another phase in a prediction.
-    """
-    (times, levels), (others, other_levels) = changes_from_rest(run), changes_from_rest(other)
-    if len(levels) != len(other_levels) or len(levels) < 2 or start_of(run).moving != start_of(other).moving:
-        return None
-    if np.max(np.abs(levels - other_levels)) > COMMAND_STEP_RPM:
-        return None
-    apart = others[1:] - times[1:]
-    shift, interval_s = float(np.median(apart)), max(run.median_interval_s, other.median_interval_s)
-    near = _CLOCK_S + 1.5 * interval_s
-    lasts = other.time_s[-1] - shift >= run.time_s[-1] - near
-    off_clock = abs(shift - period_s * round(shift / period_s))
-    return shift if lasts and off_clock <= interval_s and np.max(np.abs(apart - shift)) <= near else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,8 +214,8 @@ class _Beside:
     """With the weights of the difference."""
     error: FloatArray
     """Mean residual of the runs of the fit, (m,)."""
-    scatter: FloatArray | None
-    """What one of them differs by from the others, with the variance of the difference, (m,)."""
+    scatters: tuple[FloatArray, ...]
+    """What each of them differs by from the others, with the variance of the difference, each (m,)."""
 
     @classmethod
     def of(cls, block: Block, beside: Sequence[tuple[_Residual, float]], alike: int) -> _Beside | None:
@@ -261,31 +235,47 @@ class _Beside:
         weight, error = np.sum(weights, axis=0), np.average(residuals, axis=0, weights=weights)
         variance = 1.0 / block.weight + alike / weight
         compared = replace(block, weight=1.0 / variance, reference_repeats=len(residuals) / alike)
-        if len(residuals) == 1:
-            return cls(compared, error, None)
-        others = np.average(residuals[1:], axis=0, weights=weights[1:])
-        apart = 1.0 / weights[0] + 1.0 / np.sum(weights[1:], axis=0)
-        return cls(compared, error, (residuals[0] - others) * np.sqrt(variance / apart))
+        scatters = []
+        for index in range(len(residuals) if len(residuals) > 1 else 0):
+            rest = [number for number in range(len(residuals)) if number != index]
+            others = np.average([residuals[n] for n in rest], axis=0, weights=[weights[n] for n in rest])
+            apart = 1.0 / weights[index] + 1.0 / np.sum([weights[n] for n in rest], axis=0)
+            scatters.append((residuals[index] - others) * np.sqrt(variance / apart))
+        return cls(compared, error, tuple(scatters))
+
+
+def _scatters(pairs: Sequence[_Beside]) -> list[tuple[FloatArray, ...]]:
+    """Return what repeats differ by, (m,) for each block, once for each repeat; none without repeats."""
+    counts = [len(pair.scatters) for pair in pairs]
+    if not all(counts):
+        return []
+    return [tuple(pair.scatters[k % len(pair.scatters)] for pair in pairs) for k in range(max(counts))]
 
 
 def _calibrated(
-    noise: Noise, observations: Observations, scatter: Sequence[FloatArray]
+    noise: Noise,
+    observations: Observations,
+    scatters: Sequence[Sequence[FloatArray]],
+    level: Level,
 ) -> tuple[Noise, float]:
-    """Return the noise with which the scatter is as large as is expected, with a margin.
+    """Return the noise with which the scatter is as large as is expected, on a robot with a margin.
 
-    The second value are the degrees of freedom that each command sequence adds.
+    `scatters` are those of each repeat, (m,) for each block. The second value are the degrees of freedom that
+    each command sequence adds.
     """
     whitener = Whitener(observations, noise, None)
-    white = whitener.whiten(scatter)
+    square = np.mean([whitener.whiten(scatter) ** 2 for scatter in scatters], axis=0)
     squares: dict[str, list[float]] = {}
     sequences: dict[str, list[float]] = {}
     for block, rows in zip(observations.blocks, whitener.slices, strict=True):
-        squares.setdefault(block.channel, []).extend(white[rows] ** 2)
-    # Noise that is less than each sample's own would be an accident of the few sequences.
-    factors = {name: _MARGIN * max(1.0, float(np.mean(values))) for name, values in squares.items()}
+        squares.setdefault(block.channel, []).extend(square[rows])
+    factors = {
+        name: _MARGIN[level] * max(_LEAST_FACTOR[level], float(np.mean(values)))
+        for name, values in squares.items()
+    }
     for block, rows in zip(observations.blocks, whitener.slices, strict=True):
         group = observations.situations[block.situation].group
-        sequences.setdefault(group, []).append(float(np.mean(white[rows] ** 2)) / factors[block.channel])
+        sequences.setdefault(group, []).append(float(np.mean(square[rows])) / factors[block.channel])
     means = [float(np.mean(values)) for values in sequences.values()]
     sigma = {name: s * math.sqrt(factors.get(name, 1.0)) for name, s in noise.sigma.items()}
     return replace(noise, sigma=sigma), freedom_of_each(means)

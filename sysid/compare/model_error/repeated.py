@@ -29,7 +29,7 @@ from sysid.compare.model_error.freedom import freedom_of_each
 from sysid.compare.model_error.run_to_run import run_to_run_columns
 from sysid.compare.model_error.same_commands import same_commands
 from sysid.compare.model_error.whitening import Whitener
-from sysid.compare.noise import Noise, measure_noise
+from sysid.compare.noise import Deviations, Noise, holds_of, measure_noise, noise_beside_model
 from sysid.compare.predicted import SimulationSettings, Simulators
 from sysid.logs import Dataset, Run
 from sysid.logs.runs import Level
@@ -162,6 +162,8 @@ def repeated_commands(
     level = first[0].level
     scatters = _scatters(pairs)
     if scatters:
+        if level == "bench":
+            noise = noise_beside_model(noise, [pair.noted(observations) for pair in pairs])
         noise, freedom = _calibrated(noise, observations, scatters, level)
     elif level == "bench":
         # Nothing else tells by how much two answers of a wheel to one command differ after its changes.
@@ -214,8 +216,11 @@ class _Beside:
     """With the weights of the difference."""
     error: FloatArray
     """Mean residual of the runs of the fit, (m,)."""
-    scatters: tuple[FloatArray, ...]
-    """What each of them differs by from the others, with the variance of the difference, each (m,)."""
+    deviations: FloatArray
+    """What each of them differs by from the others, with the variance of a single sample, shape (repeats, m);
+    without rows if there is but one."""
+    of_runs: FloatArray
+    """Standard deviation of these, relative to one run's, for what moves all samples of a run, (repeats, m)."""
 
     @classmethod
     def of(cls, block: Block, beside: Sequence[tuple[_Residual, float]], alike: int) -> _Beside | None:
@@ -228,28 +233,46 @@ class _Beside:
         for one, shift in beside:
             if block.channel in one.blocks:
                 other, part = one.blocks[block.channel]
-                weights.append(np.interp(block.time_s + shift, other.time_s, other.weight))
-                residuals.append(np.interp(block.time_s + shift, other.time_s, part))
+                at = block.time_s + shift
+                weights.append(np.interp(at, other.time_s, other.weight) / _kept_variance(at, other.time_s))
+                residuals.append(np.interp(at, other.time_s, part))
         if not residuals:
             return None
         weight, error = np.sum(weights, axis=0), np.average(residuals, axis=0, weights=weights)
         variance = 1.0 / block.weight + alike / weight
         compared = replace(block, weight=1.0 / variance, reference_repeats=len(residuals) / alike)
-        scatters = []
+        deviations, of_runs = [], []
         for index in range(len(residuals) if len(residuals) > 1 else 0):
             rest = [number for number in range(len(residuals)) if number != index]
             others = np.average([residuals[n] for n in rest], axis=0, weights=[weights[n] for n in rest])
             apart = 1.0 / weights[index] + 1.0 / np.sum([weights[n] for n in rest], axis=0)
-            scatters.append((residuals[index] - others) * np.sqrt(variance / apart))
-        return cls(compared, error, tuple(scatters))
+            deviations.append((residuals[index] - others) / np.sqrt(apart))
+            of_runs.append(np.sqrt((1.0 + 1.0 / len(rest)) / apart))
+        shape = len(deviations), block.value.size
+        return cls(compared, error, np.reshape(deviations, shape), np.reshape(of_runs, shape))
+
+    def noted(self, observations: Observations) -> Deviations:
+        """Return the deviations with the hold of each value; the block is one of the `observations`."""
+        return Deviations(self.block, self.deviations, self.of_runs, holds_of(observations, self.block))
+
+    def scatter(self, repeat: int) -> FloatArray:
+        """Return the deviations of a repeat with the variance of the difference of both logs, (m,)."""
+        return np.asarray(self.deviations[repeat % len(self.deviations)] / np.sqrt(self.block.weight))
+
+
+def _kept_variance(at: FloatArray, time_s: FloatArray) -> FloatArray:
+    """Return the variance of white noise of unit variance between samples: interpolation takes off some."""
+    after = np.clip(np.searchsorted(time_s, at), 1, time_s.size - 1)
+    share = np.clip((at - time_s[after - 1]) / (time_s[after] - time_s[after - 1]), 0.0, 1.0)
+    return np.asarray(share**2 + (1.0 - share) ** 2)
 
 
 def _scatters(pairs: Sequence[_Beside]) -> list[tuple[FloatArray, ...]]:
     """Return what repeats differ by, (m,) for each block, once for each repeat; none without repeats."""
-    counts = [len(pair.scatters) for pair in pairs]
+    counts = [len(pair.deviations) for pair in pairs]
     if not all(counts):
         return []
-    return [tuple(pair.scatters[k % len(pair.scatters)] for pair in pairs) for k in range(max(counts))]
+    return [tuple(pair.scatter(k) for pair in pairs) for k in range(max(counts))]
 
 
 def _calibrated(
@@ -277,5 +300,4 @@ def _calibrated(
         group = observations.situations[block.situation].group
         sequences.setdefault(group, []).append(float(np.mean(square[rows])) / factors[block.channel])
     means = [float(np.mean(values)) for values in sequences.values()]
-    sigma = {name: s * math.sqrt(factors.get(name, 1.0)) for name, s in noise.sigma.items()}
-    return replace(noise, sigma=sigma), freedom_of_each(means)
+    return noise.scaled({name: math.sqrt(f) for name, f in factors.items()}), freedom_of_each(means)

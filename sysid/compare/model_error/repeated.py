@@ -58,9 +58,9 @@ class RepeatedCommands:
     """Of the new logs, with the weights of the difference between both logs."""
     error: tuple[FloatArray, ...]
     """What the model errs by in the logs of the fit: (m,) for each block, in its unit."""
-    scatter: tuple[FloatArray, ...] | None
-    """What repeats in the logs of the fit differ by, with the variance of the new logs' difference: (m,) for
-    each block. None without repeats."""
+    scatters: tuple[tuple[FloatArray, ...], ...]
+    """What each repeat in the logs of the fit differs by from the others, with the variance of the new logs'
+    difference: (m,) for each block. Empty without repeats."""
     freedom: float
     """Degrees of freedom of the mean squared noise of either of both logs."""
     simulators: Simulators
@@ -85,15 +85,20 @@ class RepeatedCommands:
         unknown = np.zeros((whitener.size, 0)) if self.varying is None else self.varying
         return whitener.whiten(self.error), unknown
 
+    def of_unchanged(self, whitener: Whitener) -> FloatArray:
+        """Return whitened residuals of logs in which nothing changed, one for each repeat: (N, repeats)."""
+        found = [whitener.whiten(scatter) for scatter in self.scatters]
+        return np.stack(found, axis=1) if found else np.zeros((whitener.size, 0))
+
     def unchanged(self, model: Model, simulators: Simulators) -> RepeatedCommands | None:
         """Return what makes the scatter the residual of a model: new logs in which nothing changed.
 
         `simulators` are of the new logs. None without repeats.
         """
-        if self.scatter is None:
+        if not self.scatters:
             return None
         predicted = simulators.averaged.predictions(model)
-        parts = zip(self.observations.blocks, predicted, self.scatter, strict=True)
+        parts = zip(self.observations.blocks, predicted, self.scatters[0], strict=True)
         return replace(self, error=tuple(block.value - p - scatter for block, p, scatter in parts))
 
     def with_varying(self, whitener: Whitener, effects: Sequence[FloatArray]) -> RepeatedCommands:
@@ -102,13 +107,13 @@ class RepeatedCommands:
         These are what each of them changes in the new logs, whitened, (N,).
         """
         level = self.observations.situations[0].runs[0].level
-        if self.scatter is None or not effects or level == "bench":
+        if not self.scatters or not effects or level == "bench":
             return self
         blocks, groups = self.observations.blocks, [s.group for s in self.observations.situations]
         run = np.concatenate([np.full(block.value.size, block.situation) for block in blocks])
         # All runs of a sequence are beside the same scatter.
         asked = {groups[block.situation]: block.situation for block in blocks}.values()
-        scatter = math.sqrt(_MARGIN[level]) * whitener.whiten(self.scatter)
+        scatter = math.sqrt(_MARGIN[level]) * whitener.whiten(self.scatters[0])
         columns = np.stack(effects, axis=1)
         return replace(self, varying=run_to_run_columns(scatter, columns, run, tuple(asked)))
 
@@ -171,7 +176,7 @@ def repeated_commands(
     return RepeatedCommands(
         observations,
         tuple(pair.error for pair in pairs),
-        scatters[0] if scatters else None,
+        tuple(scatters),
         freedom * len(known),
         simulators,
         Whitener(before, noise, None),

@@ -191,9 +191,7 @@ def _what_is_open(
     """
     search, floor = found.search, found.data.floor
     rng = np.random.default_rng(options.seed)
-    threshold = chance_gains(
-        search.problem, search.base, search.library, rng, floor.false_alarm
-    ).threshold()
+    threshold = chance_gains(search.problem, search.base, search.library, rng, floor.false_alarm).threshold()
     library = (*search.library, *search.considered.left_out)
     detectable = smallest_detectable(library, floor.slack * threshold, search.considered.least)
     unseen = untestable(considered, library, detectable, dataset.level, dataset.columns)

@@ -1,37 +1,38 @@
 """New logs that repeat commands of the logs of a model's fit, and what the model errs by in these commands.
 
-Where a robot drives the same commands before and after something was changed, the model errs by the same in
-both logs. The residual that the logs of the fit show in a command sequence is then taken off in the new ones,
-sample by sample, and nothing of the model's own error is left but what differs from run to run: the study
-compares two sets of logs, and the model only says what each effect would change. The mean of r repeats beside
-that of s repeats in the logs of the fit has the variance sigma^2 (1 / r + 1 / s).
+Where a robot or a wheel drives the same commands before and after something was changed, the model errs by
+the same in both logs. The residual that the logs of the fit show in a command sequence is then taken off in
+the new ones, sample by sample, and nothing of the model's own error is left but what differs from run to run:
+the study compares two sets of logs, and the model only says what each effect would change. The mean of r
+repeats beside that of s repeats in the logs of the fit has the variance sigma^2 (1 / r + 1 / s).
 
 What differs from run to run is told by the repeats in the logs of the fit: one of them beside the mean of the
-others is what new logs of an unchanged robot look like (`scatter`). It calibrates the noise, and it shows
-which effects every run has in another size (`sysid.compare.model_error.run_to_run`).
+others is what new logs of an unchanged robot look like (`scatters`). They calibrate the noise. Of a robot
+they show which effects every run has in another size (`sysid.compare.model_error.run_to_run`), on the bench
+how much of the noise is that changes of command act at other times (`sysid.compare.noise.timing`).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
-from mecanum_env.errors import InputError
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
-from sysid.compare.measured import Block, Observations, is_long, observe, pieces
+from sysid.compare.measured import Observations, is_long, observe, pieces
 from sysid.compare.model_error.adopted import as_fitted
+from sysid.compare.model_error.beside import Beside, residuals_of, scatters_of
 from sysid.compare.model_error.freedom import freedom_of_each
 from sysid.compare.model_error.run_to_run import run_to_run_columns
 from sysid.compare.model_error.same_commands import same_commands
 from sysid.compare.model_error.whitening import Whitener
-from sysid.compare.noise import Deviations, Noise, holds_of, measure_noise, noise_beside_model
+from sysid.compare.noise import Noise, measure_noise, noise_beside_model
 from sysid.compare.predicted import SimulationSettings, Simulators
-from sysid.logs import Dataset, Run
+from sysid.logs import Dataset
 from sysid.logs.runs import Level
 
 _FEWEST_SHARED: Final = 0.5
@@ -41,13 +42,13 @@ _FEWEST_SEQUENCES: Final = 2
 """Least number of command sequences that must be among those of the fit. Assumed: what happened once in one
 sequence says nothing of others."""
 _MARGIN: Final[Mapping[Level, float]] = {"bench": 1.0, "robot": 2.0}
-"""Factor on the variance of what differs from run to run, which the repeats of a few sequences of a robot tell
-roughly. Chosen on drawn robots (the quiet rows of python benchmarks/robot_sensitivity.py with seeds 24, 38 and 40):
-with 1 some logs in which nothing had changed were called a gap."""
+"""Factor on the variance of what differs from run to run. The repeats of a few sequences of a robot tell it
+roughly. Chosen on drawn robots (the quiet rows of python benchmarks/robot_sensitivity.py with seeds 24, 38
+and 40): with 1 some logs in which nothing had changed were called a gap."""
 _LEAST_FACTOR: Final[Mapping[Level, float]] = {"bench": 0.0, "robot": 1.0}
-"""Least factor on the variance that neighbouring samples or plain repeats show. On a robot, noise that is less
-than each sample's own would be an accident of the few sequences. On the bench, plain repeats differ by the times
-at which their commands were sent, too, which a prediction knows."""
+"""Least factor on the variance that plain repeats show. On a robot, noise that is less than each sample's own
+would be an accident of the few sequences. On the bench, the commands of plain repeats are sent at other
+times, which a prediction knows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,10 +125,10 @@ def repeated_commands(
     observations: Observations,
     settings: SimulationSettings,
 ) -> RepeatedCommands | None:
-    """Return what the logs of a fit show in the commands of new logs of a robot.
+    """Return what the logs of a fit show in the commands of new logs.
 
-    It is None where fewer than half of the command sequences are among those of the fit; else the sequences
-    that are decide alone.
+    It is None where fewer than half of the command sequences are among those of the fit, and on the bench
+    where these were not repeated; else the sequences that are among them decide alone.
 
     Args:
         model: that was fitted; of what came later nothing is looked at.
@@ -154,18 +155,18 @@ def repeated_commands(
     before = observe(replace(fitted_on, runs=runs))
     simulators = Simulators.of(before, settings)
     predicted = simulators.averaged.predictions(as_fitted(model))
-    residuals = list(_residuals(fitted_on, before, predicted))
+    residuals = list(residuals_of(fitted_on, before, predicted))
     pairs = []
     for block in observations.blocks:
         shifts = partners[block.situation]
         beside = [(one, shifts[one.run]) for one in residuals if one.run in shifts]
-        found = _Beside.of(block, beside, groups.count(groups[block.situation]))
+        found = Beside.of(block, beside, groups.count(groups[block.situation]))
         if found is not None:
             pairs.append(found)
     observations = replace(observations, blocks=tuple(pair.block for pair in pairs))
     noise, freedom = measure_noise(fitted_on, before), freedom_of_each(())
     level = first[0].level
-    scatters = _scatters(pairs)
+    scatters = scatters_of(pairs)
     if scatters:
         if level == "bench":
             noise = noise_beside_model(noise, [pair.noted(observations) for pair in pairs])
@@ -181,103 +182,6 @@ def repeated_commands(
         simulators,
         Whitener(before, noise, None),
     )
-
-
-@dataclass(frozen=True, eq=False)
-class _Residual:
-    """What the model errs by in one run of the logs of the fit."""
-
-    run: Run
-    blocks: dict[str, tuple[Block, FloatArray]]
-    """Channel -> block and residual, (m,)."""
-
-
-def _residuals(
-    dataset: Dataset, observations: Observations, predicted: Sequence[FloatArray]
-) -> Iterator[_Residual]:
-    """Yield the residual of each run, of which the `predicted` blocks are given for the mean of repeats."""
-    known = {
-        (block.situation, block.channel): (block.time_s, part)
-        for block, part in zip(observations.blocks, predicted, strict=True)
-    }
-    for index, situation in enumerate(observations.situations):
-        for run in situation.runs:
-            try:
-                blocks = observe(replace(dataset, runs=(run,))).blocks
-            except InputError:
-                # Its repeats have measured samples, but it has none.
-                continue
-            yield _Residual(
-                run,
-                {b.channel: (b, b.value - np.interp(b.time_s, *known[index, b.channel])) for b in blocks},
-            )
-
-
-@dataclass(frozen=True, eq=False)
-class _Beside:
-    """A block of new logs beside the runs of the fit with the same commands."""
-
-    block: Block
-    """With the weights of the difference."""
-    error: FloatArray
-    """Mean residual of the runs of the fit, (m,)."""
-    deviations: FloatArray
-    """What each of them differs by from the others, with the variance of a single sample, shape (repeats, m);
-    without rows if there is but one."""
-    of_runs: FloatArray
-    """Standard deviation of these, relative to one run's, for what moves all samples of a run, (repeats, m)."""
-
-    @classmethod
-    def of(cls, block: Block, beside: Sequence[tuple[_Residual, float]], alike: int) -> _Beside | None:
-        """Return a `block` of a new run beside some residuals; None if none of them has its channel.
-
-        Each residual is so much later [s]. So many runs (`alike`) are compared with the same residuals, whose
-        error then counts once in all.
-        """
-        weights, residuals = [], []
-        for one, shift in beside:
-            if block.channel in one.blocks:
-                other, part = one.blocks[block.channel]
-                at = block.time_s + shift
-                weights.append(np.interp(at, other.time_s, other.weight) / _kept_variance(at, other.time_s))
-                residuals.append(np.interp(at, other.time_s, part))
-        if not residuals:
-            return None
-        weight, error = np.sum(weights, axis=0), np.average(residuals, axis=0, weights=weights)
-        variance = 1.0 / block.weight + alike / weight
-        compared = replace(block, weight=1.0 / variance, reference_repeats=len(residuals) / alike)
-        deviations, of_runs = [], []
-        for index in range(len(residuals) if len(residuals) > 1 else 0):
-            rest = [number for number in range(len(residuals)) if number != index]
-            others = np.average([residuals[n] for n in rest], axis=0, weights=[weights[n] for n in rest])
-            apart = 1.0 / weights[index] + 1.0 / np.sum([weights[n] for n in rest], axis=0)
-            deviations.append((residuals[index] - others) / np.sqrt(apart))
-            of_runs.append(np.sqrt((1.0 + 1.0 / len(rest)) / apart))
-        shape = len(deviations), block.value.size
-        return cls(compared, error, np.reshape(deviations, shape), np.reshape(of_runs, shape))
-
-    def noted(self, observations: Observations) -> Deviations:
-        """Return the deviations with the hold of each value; the block is one of the `observations`."""
-        return Deviations(self.block, self.deviations, self.of_runs, holds_of(observations, self.block))
-
-    def scatter(self, repeat: int) -> FloatArray:
-        """Return the deviations of a repeat with the variance of the difference of both logs, (m,)."""
-        return np.asarray(self.deviations[repeat % len(self.deviations)] / np.sqrt(self.block.weight))
-
-
-def _kept_variance(at: FloatArray, time_s: FloatArray) -> FloatArray:
-    """Return the variance of white noise of unit variance between samples: interpolation takes off some."""
-    after = np.clip(np.searchsorted(time_s, at), 1, time_s.size - 1)
-    share = np.clip((at - time_s[after - 1]) / (time_s[after] - time_s[after - 1]), 0.0, 1.0)
-    return np.asarray(share**2 + (1.0 - share) ** 2)
-
-
-def _scatters(pairs: Sequence[_Beside]) -> list[tuple[FloatArray, ...]]:
-    """Return what repeats differ by, (m,) for each block, once for each repeat; none without repeats."""
-    counts = [len(pair.deviations) for pair in pairs]
-    if not all(counts):
-        return []
-    return [tuple(pair.scatter(k) for pair in pairs) for k in range(max(counts))]
 
 
 def _calibrated(

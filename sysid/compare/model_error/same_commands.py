@@ -52,10 +52,9 @@ def _shift_s(run: Run, other: Run, period_s: float) -> float | None:
         off_clock = abs(shift - period_s * round(shift / period_s))
         if lasts and off_clock <= interval_s and np.max(np.abs(apart - shift)) <= near:
             return shift
-    lasts = other.time_s[-1] >= run.time_s[-1] - near
-    if run.level == "bench" and lasts and _difference((times, levels), (others, other_levels), run) <= _NEARLY:
-        return 0.0
-    return None
+    if run.level != "bench" or other.time_s[-1] < run.time_s[-1] - near:
+        return None
+    return 0.0 if _difference((times, levels), (others, other_levels), run) <= _NEARLY else None
 
 
 def _difference(

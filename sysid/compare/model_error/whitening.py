@@ -6,13 +6,13 @@ The covariance of a block's residual is
 
 with e(t) and the correlation time T of `sysid.compare.model_error.size`. If the noise is correlated, that
 share of sigma^2 decays with its own correlation time. If it is uneven (`sysid.compare.noise.uneven`), sigma
-is that of settled noise, and what decays after a change of command adds a term like the last one; so it is
-where changes act at other times in each repeat (`sysid.compare.noise.timing`), with the slope of the speed. The
-variance of the rounding error that all repeats share counts twice: white, as while the speed changes, and
-correlated over `_ROUNDING_S`. Noise that lasts (`sysid.compare.noise.lasting`) is the same as long as a
-command is held. With C = L L', the residual L^-1 (measured - predicted) of a right model is white with unit
-variance. The part of the model's error that is the same after every change of command is not in C: it is a
-column of `sysid.compare.model_error.nuisance`.
+is that of settled noise, and what decays after a change of command adds a term like the last one; where
+changes act at other times in each repeat (`sysid.compare.noise.timing`), what follows the slope of the speed
+does so. The variance of the rounding error that all repeats share counts twice: white, as while the speed
+changes, and correlated over `_ROUNDING_S`. Noise that lasts (`sysid.compare.noise.lasting`) is the same as
+long as a command is held. With C = L L', the residual L^-1 (measured - predicted) of a right model is white
+with unit variance. The part of the model's error that is the same after every change of command is not in C:
+it is a column of `sysid.compare.model_error.nuisance`.
 """
 
 from __future__ import annotations

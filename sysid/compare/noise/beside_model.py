@@ -28,8 +28,8 @@ class Deviations:
     values: FloatArray
     """Shape (repeats, m): each scaled to the variance of a single sample."""
     of_runs: FloatArray
-    """Shape (repeats, m): standard deviation of these, relative to that of one run, for what moves all samples
-    of a run together."""
+    """Standard deviation of these, relative to that of one run, for what moves all samples of a run together,
+    shape (repeats, m)."""
     holds: npt.NDArray[np.intp]
     """Number of the command that was held at each value of the block, (m,)."""
 

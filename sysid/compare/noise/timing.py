@@ -1,8 +1,8 @@
 """Noise of repeats whose changes of command act a little earlier or later each time.
 
-A drive looks for a command at the times of its own clock, and a link takes its time. With a delay d of its own
-for each change of command, normal with standard deviation s, the response after the change differs by -d y',
-where y' is the slope of the measured speed. The covariance of two samples of the same hold is then
+A drive looks for a command at the times of its own clock, and a link takes its time. With a delay d of its
+own for each change of command, normal with standard deviation s, the response after the change differs by
+-d y', where y' is the slope of the measured speed. The covariance of two samples of the same hold is then
 
     delta(i, j) sigma^2 + s^2 y'(i) y'(j),
 

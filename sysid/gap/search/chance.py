@@ -169,9 +169,9 @@ def chance_gains(
     """Simulate the best gain of a fitted set by one more effect, if the set is the truth.
 
     `library` holds the responses of the effects that were considered. For rarer false alarms than usual there
-    are as many more draws. Where logs are at hand in which nothing changed, the gains are scaled to what these
-    show on average, if that is more: noise that is not normal, a few late responses say, looks more like an
-    effect.
+    are as many more draws. Where logs are at hand in which nothing changed, the gains are scaled to what
+    these show on average, if that is more: noise that is not normal, such as a few late responses, looks more
+    like an effect.
     """
     scatter = roller_scatter(problem, fitted)
     draws = math.ceil(THRESHOLDS.draws * max(1.0, min(THRESHOLDS.false_alarm / false_alarm, _MOST_DRAWS)))

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from mecanum_env.errors import InputError
 from mecanum_env.units import FloatArray
@@ -66,25 +67,27 @@ class Beside:
         Each residual is so much later [s]. So many runs (`alike`) are compared with the same residuals, whose
         error then counts once in all.
         """
-        weights, residuals = [], []
-        for one, shift in beside:
-            if block.channel in one.blocks:
-                other, part = one.blocks[block.channel]
-                at = block.time_s + shift
-                weights.append(np.interp(at, other.time_s, other.weight) / _kept_variance(at, other.time_s))
-                residuals.append(np.interp(at, other.time_s, part))
-        if not residuals:
+        found = [
+            _Series(of_run.time_s - shift, residual, of_run.weight)
+            for of_run, residual, shift in (
+                (*one.blocks[block.channel], shift) for one, shift in beside if block.channel in one.blocks
+            )
+        ]
+        if not found:
             return None
-        weight, error = np.sum(weights, axis=0), np.average(residuals, axis=0, weights=weights)
-        variance = 1.0 / block.weight + alike / weight
-        compared = replace(block, weight=1.0 / variance, reference_repeats=len(residuals) / alike)
+        error, weight = _mean(found, block.time_s)
+        # The noise is that of the logs of the fit, where it may have been found to grow with the speed.
+        single = np.mean([np.interp(block.time_s, one.time_s, one.weight) for one in found], axis=0)
+        variance = 1.0 / np.minimum(block.weight, block.repeats * single) + alike / weight
+        compared = replace(block, weight=1.0 / variance, reference_repeats=len(found) / alike)
         deviations, of_runs = [], []
-        for index in range(len(residuals) if len(residuals) > 1 else 0):
-            rest = [number for number in range(len(residuals)) if number != index]
-            others = np.average([residuals[n] for n in rest], axis=0, weights=[weights[n] for n in rest])
-            apart = 1.0 / weights[index] + 1.0 / np.sum([weights[n] for n in rest], axis=0)
-            deviations.append((residuals[index] - others) / np.sqrt(apart))
-            of_runs.append(np.sqrt((1.0 + 1.0 / len(rest)) / apart))
+        for one in found if len(found) > 1 else ():
+            # Its own samples, as those of a new run are: between samples noise is smaller.
+            near = one.nearest(block.time_s)
+            others, weight = _mean([other for other in found if other is not one], one.time_s[near])
+            apart = 1.0 / one.weight[near] + 1.0 / weight
+            deviations.append((one.residual[near] - others) / np.sqrt(apart))
+            of_runs.append(np.sqrt((1.0 + 1.0 / (len(found) - 1)) / apart))
         shape = len(deviations), block.value.size
         return cls(compared, error, np.reshape(deviations, shape), np.reshape(of_runs, shape))
 
@@ -95,6 +98,27 @@ class Beside:
     def scatter(self, repeat: int) -> FloatArray:
         """Return the deviations of a repeat with the variance of the difference of both logs, (m,)."""
         return np.asarray(self.deviations[repeat % len(self.deviations)] / np.sqrt(self.block.weight))
+
+
+@dataclass(frozen=True, eq=False)
+class _Series:
+    """The residual of one channel of a run of the fit, on the clock of a new run; arrays of shape (n,)."""
+
+    time_s: FloatArray
+    residual: FloatArray
+    weight: FloatArray
+
+    def nearest(self, at: FloatArray) -> npt.NDArray[np.intp]:
+        """Return the numbers of the samples that are nearest to some times (m,)."""
+        middle = 0.5 * (self.time_s[1:] + self.time_s[:-1])
+        return np.searchsorted(middle, at)
+
+
+def _mean(series: Sequence[_Series], at: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the mean of some residuals at some times (m,), between samples, and its weight, each (m,)."""
+    weights = [np.interp(at, s.time_s, s.weight) / _kept_variance(at, s.time_s) for s in series]
+    values = [np.interp(at, s.time_s, s.residual) for s in series]
+    return np.average(values, axis=0, weights=weights), np.sum(weights, axis=0)
 
 
 def _kept_variance(at: FloatArray, time_s: FloatArray) -> FloatArray:

@@ -224,11 +224,12 @@ def _lasting_note(item: tuple[str, float]) -> str:
 def _since(data: StudyData, problem: ResidualProblem, decision: Decision) -> Mapping[str, Since]:
     """Return what the logs of the fit, where these are known, say of the effects of the best set.
 
-    Of a robot, what every effect does in the logs of the fit is taken off: what is found came later.
+    Of a robot, and where the commands of the fit are driven again, what every effect does in the logs of the
+    fit is taken off: what is found came later.
     """
     chosen = decision.facts.chosen
     if chosen is None:
         return {}
-    if problem.knows_all:
+    if problem.knows_all or data.repeated is not None:
         return dict.fromkeys(chosen.names, "new")
     return {} if data.learned is None else since_of(problem, data.learned, chosen.fitted)

@@ -132,6 +132,9 @@ def _found(
     removed, left = before_squares - after_squares, max(0.0, after_squares - noise)
     if removed <= _LEAST_REMOVED * max(before_squares - noise, 0.0):
         return None
+    if report.verdict in ("named", "ambiguous") and _squares(dataset, best) < after_squares:
+        # A slow answer looks like a late one: effects that leave less need no fault beside them.
+        return None
     if fitted_on is not None:
         fitted_on = logs.beside(fitted_on, before)
     return _Found(fault, logs, fitted_on, left <= THRESHOLDS.adequate_residual**2 * removed)

@@ -28,7 +28,7 @@ from sysid.gap.report.held_out import (
 )
 from sysid.gap.report.where import regions
 from sysid.gap.result import CustomProposal, GapOptions, GapReport, Untestable
-from sysid.gap.search.chance import chance_gains, roller_scatter, smallest_detectable, untestable
+from sysid.gap.search.chance import chance_gains, smallest_detectable, untestable
 from sysid.gap.search.checks import require_movement, require_valid
 from sysid.gap.search.custom import propose
 from sysid.gap.search.known_effects import is_meant, known_effects
@@ -190,9 +190,8 @@ def _what_is_open(
     The sizes are effect -> parameter -> value.
     """
     search, floor = found.search, found.data.floor
-    scatter = roller_scatter(search.problem, search.base)
     rng = np.random.default_rng(options.seed)
-    threshold = chance_gains(search.base, search.library, rng, scatter, floor.false_alarm).threshold()
+    threshold = chance_gains(search.problem, search.base, search.library, rng, floor.false_alarm).threshold()
     library = (*search.library, *search.considered.left_out)
     detectable = smallest_detectable(library, floor.slack * threshold, search.considered.least)
     unseen = untestable(considered, library, detectable, dataset.level, dataset.columns)

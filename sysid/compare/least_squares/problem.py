@@ -98,6 +98,11 @@ class ResidualProblem:
         """X, shape (N, q)."""
         directions, size, _ = np.linalg.svd(self.nuisance, full_matrices=False)
         self._directions, self._spread = directions, np.sqrt(1.0 + size**2)
+        self.unchanged = np.zeros((self.size, 0))
+        """Marginal residuals of bench logs in which nothing changed: what each repeat in the logs of the fit
+        shows beside the others, where the same commands are driven again, (N, repeats)."""
+        if isinstance(learned, RepeatedCommands) and self.bench:
+            self.unchanged = self.marginal(learned.of_unchanged(whitener))
         self._scatter: dict[Hashable, FloatArray] = {}
 
     def moved(self, at: Model) -> ResidualProblem:

@@ -1,59 +1,54 @@
 """New logs that repeat commands of the logs of a model's fit, and what the model errs by in these commands.
 
-Where a robot drives the same commands before and after something was changed, the model errs by the same in
-both logs. The residual that the logs of the fit show in a command sequence is then taken off in the new ones,
-sample by sample, and nothing of the model's own error is left but what differs from run to run: the study
-compares two sets of logs, and the model only says what each effect would change. The mean of r repeats beside
-that of s repeats in the logs of the fit has the variance sigma^2 (1 / r + 1 / s).
+Where a robot or a wheel drives the same commands before and after something was changed, the model errs by
+the same in both logs. The residual that the logs of the fit show in a command sequence is then taken off in
+the new ones, sample by sample, and nothing of the model's own error is left but what differs from run to run:
+the study compares two sets of logs, and the model only says what each effect would change. The mean of r
+repeats beside that of s repeats in the logs of the fit has the variance sigma^2 (1 / r + 1 / s).
 
 What differs from run to run is told by the repeats in the logs of the fit: one of them beside the mean of the
-others is what new logs of an unchanged robot look like (`scatter`). It calibrates the noise, and it shows
-which effects every run has in another size (`sysid.compare.model_error.run_to_run`).
+others is what new logs of an unchanged robot look like (`scatters`). They calibrate the noise. Of a robot
+they show which effects every run has in another size (`sysid.compare.model_error.run_to_run`), on the bench
+how much of the noise is that changes of command act at other times (`sysid.compare.noise.timing`).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
-from mecanum_env.errors import InputError
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
-from sysid.compare.measured import (
-    COMMAND_STEP_RPM,
-    Block,
-    Observations,
-    changes_from_rest,
-    is_long,
-    observe,
-    pieces,
-    start_of,
-)
+from sysid.compare.measured import Observations, is_long, observe, pieces
 from sysid.compare.model_error.adopted import as_fitted
+from sysid.compare.model_error.beside import Beside, residuals_of, scatters_of
 from sysid.compare.model_error.freedom import freedom_of_each
 from sysid.compare.model_error.run_to_run import run_to_run_columns
+from sysid.compare.model_error.same_commands import same_commands
 from sysid.compare.model_error.whitening import Whitener
-from sysid.compare.noise import Noise, measure_noise
+from sysid.compare.noise import Noise, measure_noise, noise_beside_model
 from sysid.compare.predicted import SimulationSettings, Simulators
-from sysid.logs import Dataset, Run
+from sysid.logs import Dataset
+from sysid.logs.runs import Level
 
-_CLOCK_S: Final = 0.03
-"""By how much the times of two changes of command may differ [s] beyond one and a half rows. Assumed: loops
-on common computers send a command so late now and then."""
 _FEWEST_SHARED: Final = 0.5
 """Least share of the command sequences that must be among those of the fit for these alone to decide.
 Assumed."""
 _FEWEST_SEQUENCES: Final = 2
 """Least number of command sequences that must be among those of the fit. Assumed: what happened once in one
 sequence says nothing of others."""
-_MARGIN: Final = 2.0
-"""Factor on the variance of what differs from run to run, which the repeats of a few sequences tell roughly.
-Chosen on drawn robots (the quiet rows of python benchmarks/robot_sensitivity.py with seeds 24, 38 and 40):
-with 1 some logs in which nothing had changed were called a gap."""
+_MARGIN: Final[Mapping[Level, float]] = {"bench": 1.0, "robot": 2.0}
+"""Factor on the variance of what differs from run to run. The repeats of a few sequences of a robot tell it
+roughly. Chosen on drawn robots (the quiet rows of python benchmarks/robot_sensitivity.py with seeds 24, 38
+and 40): with 1 some logs in which nothing had changed were called a gap."""
+_LEAST_FACTOR: Final[Mapping[Level, float]] = {"bench": 0.0, "robot": 1.0}
+"""Least factor on the variance that plain repeats show. On a robot, noise that is less than each sample's own
+would be an accident of the few sequences. On the bench, the commands of plain repeats are sent at other
+times, which a prediction knows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,9 +59,9 @@ class RepeatedCommands:
     """Of the new logs, with the weights of the difference between both logs."""
     error: tuple[FloatArray, ...]
     """What the model errs by in the logs of the fit: (m,) for each block, in its unit."""
-    scatter: tuple[FloatArray, ...] | None
-    """What repeats in the logs of the fit differ by, with the variance of the new logs' difference: (m,) for
-    each block. None without repeats."""
+    scatters: tuple[tuple[FloatArray, ...], ...]
+    """What each repeat in the logs of the fit differs by from the others, with the variance of the new logs'
+    difference: (m,) for each block. Empty without repeats."""
     freedom: float
     """Degrees of freedom of the mean squared noise of either of both logs."""
     simulators: Simulators
@@ -91,15 +86,20 @@ class RepeatedCommands:
         unknown = np.zeros((whitener.size, 0)) if self.varying is None else self.varying
         return whitener.whiten(self.error), unknown
 
+    def of_unchanged(self, whitener: Whitener) -> FloatArray:
+        """Return whitened residuals of logs in which nothing changed, one for each repeat: (N, repeats)."""
+        found = [whitener.whiten(scatter) for scatter in self.scatters]
+        return np.stack(found, axis=1) if found else np.zeros((whitener.size, 0))
+
     def unchanged(self, model: Model, simulators: Simulators) -> RepeatedCommands | None:
         """Return what makes the scatter the residual of a model: new logs in which nothing changed.
 
         `simulators` are of the new logs. None without repeats.
         """
-        if self.scatter is None:
+        if not self.scatters:
             return None
         predicted = simulators.averaged.predictions(model)
-        parts = zip(self.observations.blocks, predicted, self.scatter, strict=True)
+        parts = zip(self.observations.blocks, predicted, self.scatters[0], strict=True)
         return replace(self, error=tuple(block.value - p - scatter for block, p, scatter in parts))
 
     def with_varying(self, whitener: Whitener, effects: Sequence[FloatArray]) -> RepeatedCommands:
@@ -107,13 +107,14 @@ class RepeatedCommands:
 
         These are what each of them changes in the new logs, whitened, (N,).
         """
-        if self.scatter is None or not effects:
+        level = self.observations.situations[0].runs[0].level
+        if not self.scatters or not effects or level == "bench":
             return self
         blocks, groups = self.observations.blocks, [s.group for s in self.observations.situations]
         run = np.concatenate([np.full(block.value.size, block.situation) for block in blocks])
         # All runs of a sequence are beside the same scatter.
         asked = {groups[block.situation]: block.situation for block in blocks}.values()
-        scatter = math.sqrt(_MARGIN) * whitener.whiten(self.scatter)
+        scatter = math.sqrt(_MARGIN[level]) * whitener.whiten(self.scatters[0])
         columns = np.stack(effects, axis=1)
         return replace(self, varying=run_to_run_columns(scatter, columns, run, tuple(asked)))
 
@@ -124,10 +125,10 @@ def repeated_commands(
     observations: Observations,
     settings: SimulationSettings,
 ) -> RepeatedCommands | None:
-    """Return what the logs of a fit show in the commands of new logs of a robot.
+    """Return what the logs of a fit show in the commands of new logs.
 
-    It is None where fewer than half of the command sequences are among those of the fit; else the sequences
-    that are decide alone.
+    It is None where fewer than half of the command sequences are among those of the fit, and on the bench
+    where these were not repeated; else the sequences that are among them decide alone.
 
     Args:
         model: that was fitted; of what came later nothing is looked at.
@@ -143,7 +144,7 @@ def repeated_commands(
     period_s = model.wheel.command_period_s
     # Runs of a study are cut, too, where all of them are too long. A piece is the same for all new runs.
     cut = [piece for run in fitted_on.runs if is_long(run) for piece in pieces(run, period_s)]
-    partners = [_partners(run, (*fitted_on.runs, *cut), period_s) for run in first]
+    partners = [same_commands(run, (*fitted_on.runs, *cut), period_s) for run in first]
     groups = [situation.group for situation in observations.situations]
     shared = [index for index, runs in enumerate(partners) if runs]
     known = {groups[index] for index in shared}
@@ -154,138 +155,58 @@ def repeated_commands(
     before = observe(replace(fitted_on, runs=runs))
     simulators = Simulators.of(before, settings)
     predicted = simulators.averaged.predictions(as_fitted(model))
-    residuals = list(_residuals(fitted_on, before, predicted))
+    residuals = list(residuals_of(fitted_on, before, predicted))
     pairs = []
     for block in observations.blocks:
         shifts = partners[block.situation]
         beside = [(one, shifts[one.run]) for one in residuals if one.run in shifts]
-        found = _Beside.of(block, beside, groups.count(groups[block.situation]))
+        found = Beside.of(block, beside, groups.count(groups[block.situation]))
         if found is not None:
             pairs.append(found)
     observations = replace(observations, blocks=tuple(pair.block for pair in pairs))
     noise, freedom = measure_noise(fitted_on, before), freedom_of_each(())
-    parts = [pair.scatter for pair in pairs if pair.scatter is not None]
-    scatter = tuple(parts) if len(parts) == len(pairs) else None
-    if scatter is not None:
-        noise, freedom = _calibrated(noise, observations, scatter)
+    level = first[0].level
+    scatters = scatters_of(pairs)
+    if scatters:
+        if level == "bench":
+            noise = noise_beside_model(noise, [pair.noted(observations) for pair in pairs])
+        noise, freedom = _calibrated(noise, observations, scatters, level)
+    elif level == "bench":
+        # Nothing else tells by how much two answers of a wheel to one command differ after its changes.
+        return None
     return RepeatedCommands(
         observations,
         tuple(pair.error for pair in pairs),
-        scatter,
+        tuple(scatters),
         freedom * len(known),
         simulators,
         Whitener(before, noise, None),
     )
 
 
-def _partners(run: Run, of_fit: Sequence[Run], period_s: float) -> dict[Run, float]:
-    """Return the runs of the fit that were sent the commands of a run, each with its shift [s]."""
-    shifts = {other: _shift_s(run, other, period_s) for other in of_fit}
-    return {other: shift for other, shift in shifts.items() if shift is not None}
-
-
-def _shift_s(run: Run, other: Run, period_s: float) -> float | None:
-    """Return how much later another run was sent the same commands, by its stamps [s]; None if it was not.
-
-    It is a multiple of the command period: else the robot's clock had another phase in a prediction.
-    """
-    (times, levels), (others, other_levels) = changes_from_rest(run), changes_from_rest(other)
-    if len(levels) != len(other_levels) or len(levels) < 2 or start_of(run).moving != start_of(other).moving:
-        return None
-    if np.max(np.abs(levels - other_levels)) > COMMAND_STEP_RPM:
-        return None
-    apart = others[1:] - times[1:]
-    shift, interval_s = float(np.median(apart)), max(run.median_interval_s, other.median_interval_s)
-    near = _CLOCK_S + 1.5 * interval_s
-    lasts = other.time_s[-1] - shift >= run.time_s[-1] - near
-    off_clock = abs(shift - period_s * round(shift / period_s))
-    return shift if lasts and off_clock <= interval_s and np.max(np.abs(apart - shift)) <= near else None
-
-
-@dataclass(frozen=True, eq=False)
-class _Residual:
-    """What the model errs by in one run of the logs of the fit."""
-
-    run: Run
-    blocks: dict[str, tuple[Block, FloatArray]]
-    """Channel -> block and residual, (m,)."""
-
-
-def _residuals(
-    dataset: Dataset, observations: Observations, predicted: Sequence[FloatArray]
-) -> Iterator[_Residual]:
-    """Yield the residual of each run, of which the `predicted` blocks are given for the mean of repeats."""
-    known = {
-        (block.situation, block.channel): (block.time_s, part)
-        for block, part in zip(observations.blocks, predicted, strict=True)
-    }
-    for index, situation in enumerate(observations.situations):
-        for run in situation.runs:
-            try:
-                blocks = observe(replace(dataset, runs=(run,))).blocks
-            except InputError:
-                # Its repeats have measured samples, but it has none.
-                continue
-            yield _Residual(
-                run,
-                {b.channel: (b, b.value - np.interp(b.time_s, *known[index, b.channel])) for b in blocks},
-            )
-
-
-@dataclass(frozen=True, eq=False)
-class _Beside:
-    """A block of new logs beside the runs of the fit with the same commands."""
-
-    block: Block
-    """With the weights of the difference."""
-    error: FloatArray
-    """Mean residual of the runs of the fit, (m,)."""
-    scatter: FloatArray | None
-    """What one of them differs by from the others, with the variance of the difference, (m,)."""
-
-    @classmethod
-    def of(cls, block: Block, beside: Sequence[tuple[_Residual, float]], alike: int) -> _Beside | None:
-        """Return a `block` of a new run beside some residuals; None if none of them has its channel.
-
-        Each residual is so much later [s]. So many runs (`alike`) are compared with the same residuals, whose
-        error then counts once in all.
-        """
-        weights, residuals = [], []
-        for one, shift in beside:
-            if block.channel in one.blocks:
-                other, part = one.blocks[block.channel]
-                weights.append(np.interp(block.time_s + shift, other.time_s, other.weight))
-                residuals.append(np.interp(block.time_s + shift, other.time_s, part))
-        if not residuals:
-            return None
-        weight, error = np.sum(weights, axis=0), np.average(residuals, axis=0, weights=weights)
-        variance = 1.0 / block.weight + alike / weight
-        compared = replace(block, weight=1.0 / variance, reference_repeats=len(residuals) / alike)
-        if len(residuals) == 1:
-            return cls(compared, error, None)
-        others = np.average(residuals[1:], axis=0, weights=weights[1:])
-        apart = 1.0 / weights[0] + 1.0 / np.sum(weights[1:], axis=0)
-        return cls(compared, error, (residuals[0] - others) * np.sqrt(variance / apart))
-
-
 def _calibrated(
-    noise: Noise, observations: Observations, scatter: Sequence[FloatArray]
+    noise: Noise,
+    observations: Observations,
+    scatters: Sequence[Sequence[FloatArray]],
+    level: Level,
 ) -> tuple[Noise, float]:
-    """Return the noise with which the scatter is as large as is expected, with a margin.
+    """Return the noise with which the scatter is as large as is expected, on a robot with a margin.
 
-    The second value are the degrees of freedom that each command sequence adds.
+    `scatters` are those of each repeat, (m,) for each block. The second value are the degrees of freedom that
+    each command sequence adds.
     """
     whitener = Whitener(observations, noise, None)
-    white = whitener.whiten(scatter)
+    square = np.mean([whitener.whiten(scatter) ** 2 for scatter in scatters], axis=0)
     squares: dict[str, list[float]] = {}
     sequences: dict[str, list[float]] = {}
     for block, rows in zip(observations.blocks, whitener.slices, strict=True):
-        squares.setdefault(block.channel, []).extend(white[rows] ** 2)
-    # Noise that is less than each sample's own would be an accident of the few sequences.
-    factors = {name: _MARGIN * max(1.0, float(np.mean(values))) for name, values in squares.items()}
+        squares.setdefault(block.channel, []).extend(square[rows])
+    factors = {
+        name: _MARGIN[level] * max(_LEAST_FACTOR[level], float(np.mean(values)))
+        for name, values in squares.items()
+    }
     for block, rows in zip(observations.blocks, whitener.slices, strict=True):
         group = observations.situations[block.situation].group
-        sequences.setdefault(group, []).append(float(np.mean(white[rows] ** 2)) / factors[block.channel])
+        sequences.setdefault(group, []).append(float(np.mean(square[rows])) / factors[block.channel])
     means = [float(np.mean(values)) for values in sequences.values()]
-    sigma = {name: s * math.sqrt(factors.get(name, 1.0)) for name, s in noise.sigma.items()}
-    return replace(noise, sigma=sigma), freedom_of_each(means)
+    return noise.scaled({name: math.sqrt(f) for name, f in factors.items()}), freedom_of_each(means)

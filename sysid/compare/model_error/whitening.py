@@ -6,12 +6,13 @@ The covariance of a block's residual is
 
 with e(t) and the correlation time T of `sysid.compare.model_error.size`. If the noise is correlated, that
 share of sigma^2 decays with its own correlation time. If it is uneven (`sysid.compare.noise.uneven`), sigma
-is that of settled noise, and what decays after a change of command adds a term like the last one. The
-variance of the rounding error that all repeats share counts twice: white, as while the speed changes, and
-correlated over `_ROUNDING_S`. Noise that lasts (`sysid.compare.noise.lasting`) is the same as long as a
-command is held. With C = L L', the residual L^-1 (measured - predicted) of a right model is white with unit
-variance. The part of the model's error that is the same after every change of command is not in C: it is a
-column of `sysid.compare.model_error.nuisance`.
+is that of settled noise, and what decays after a change of command adds a term like the last one; where
+changes act at other times in each repeat (`sysid.compare.noise.timing`), what follows the slope of the speed
+does so. The variance of the rounding error that all repeats share counts twice: white, as while the speed
+changes, and correlated over `_ROUNDING_S`. Noise that lasts (`sysid.compare.noise.lasting`) is the same as
+long as a command is held. With C = L L', the residual L^-1 (measured - predicted) of a right model is white
+with unit variance. The part of the model's error that is the same after every change of command is not in C:
+it is a column of `sysid.compare.model_error.nuisance`.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from mecanum_env.kinematics import POSE
 from mecanum_env.units import FloatArray
 from sysid.compare.measured import WINDOW_S, Block, Observations, activity_rpm
 from sysid.compare.model_error.size import DECAY_S, ChannelError, ModelError
-from sysid.compare.noise import Noise, holds_of
+from sysid.compare.noise import Noise, holds_of, slope_of
 
 _SHARE: Final = 0.5
 """Share of the model's error that differs from one change of command to the next."""
@@ -93,11 +94,13 @@ class Whitener:
         variance = settled**2 / block.weight
         uneven = self.noise.uneven.get(block.channel)
         correlated = self.noise.correlated.get(block.channel)
+        timing = self.noise.timing.get(block.channel)
         error = error_of(self.error, block.channel)
         exact = error is None or (error.settled == 0.0 and error.transient == 0.0)
         rounding = self.noise.rounding.get(block.channel, 0.0)
         lasting = self.noise.lasting.get(block.channel, 0.0)
-        if exact and correlated is None and uneven is None and not rounding and not lasting:
+        even = correlated is None and uneven is None and timing is None
+        if exact and even and not rounding and not lasting:
             return np.sqrt(variance)
         lag_s = np.abs(block.time_s[:, None] - block.time_s[None, :])
         covariance = np.zeros(lag_s.shape)
@@ -110,6 +113,11 @@ class Whitener:
             covariance += (
                 np.outer(decaying, decaying) * np.exp(-lag_s / uneven.decay_s) / block.independent_repeats
             )
+        if timing is not None:
+            moved = timing.delay_s * slope_of(block.value, block.time_s)
+            holds = holds_of(self.observations, block)
+            together = holds[:, None] == holds[None, :]
+            covariance += np.outer(moved, moved) * together / block.independent_repeats
         if rounding:
             variance = variance + rounding**2
             covariance += rounding**2 * np.exp(-lag_s / _ROUNDING_S)

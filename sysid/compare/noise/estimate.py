@@ -14,6 +14,8 @@ from scipy.optimize import brentq
 from mecanum_env.kinematics import POSE
 from mecanum_env.units import FloatArray
 from sysid.compare.measured import EDGE_S, Block, Observations, activity_rpm, command_changes, displacements
+from sysid.compare.noise.correlated import CorrelatedNoise, find_correlated
+from sysid.compare.noise.timing import TimingNoise, slope_of
 from sysid.compare.noise.uneven import UnevenNoise, find_uneven
 from sysid.logs import Dataset, Run
 from sysid.logs.checks import SETTLED_S
@@ -24,11 +26,8 @@ _LEAST_SAMPLES: Final = 20
 _LEAST_WINDOWS: Final = 6
 """The same for the displacements of a pose, of which a short log has few."""
 _LEAST: Final = 1e-9
-_SIGNIFICANT: Final = 4.0  # standard deviations of an autocorrelation that is zero
 _HOLE: Final = 1.5
 """Rows from one sample to the next, relative to their median, above which there are empty cells between."""
-_LAGS: Final = 40
-"""Number of lags of the repeats' autocovariance."""
 _EFFICIENCY: Final = 0.37 / 1.94
 """Degrees of freedom of the variance estimate per second difference. The median of squared normal values is
 0.37 times as efficient as their mean, and neighbouring differences share samples: their correlations of -2/3
@@ -41,16 +40,6 @@ _NEGLIGIBLE_SHARE: Final = 0.01
 """Share of the variance of single samples below which a shared rounding error is left out. Assumed."""
 
 Source = Literal["repeats", "scatter", "motion"]
-
-
-@dataclass(frozen=True)
-class CorrelatedNoise:
-    """The part of a channel's noise by which repeats differ for longer than a sample."""
-
-    share: float
-    """Share of the variance."""
-    time_s: float
-    """Correlation time [s]: the autocovariance has fallen to 1/e."""
 
 
 @dataclass(frozen=True)
@@ -81,9 +70,12 @@ class Noise:
     uneven: Mapping[str, UnevenNoise] = field(default_factory=dict)
     """Channel -> how its noise changes after a change of command; channels of even noise are left out."""
 
+    timing: Mapping[str, TimingNoise] = field(default_factory=dict)
+    """Channel -> how much of its noise is that changes of command act at other times, if that is known."""
+
     def settled(self, channel: str) -> float:
         """Return the standard deviation of single samples while a command is held, in the channel's unit."""
-        changing = self.uneven.get(channel)
+        changing = self.timing.get(channel) or self.uneven.get(channel)
         return self.sigma[channel] * (1.0 if changing is None else changing.settled)
 
     def transient(self, channel: str, run: Run, time_s: FloatArray) -> FloatArray:
@@ -99,7 +91,23 @@ class Noise:
     def variance(self, block: Block, run: Run) -> FloatArray:
         """Return the variance of each of a block's values, in a run of its situation, shape (m,)."""
         lasting = self.transient(block.channel, run, block.time_s) ** 2 / block.independent_repeats
+        if late := self.timing.get(block.channel):
+            moved = late.delay_s * slope_of(block.value, block.time_s)
+            lasting = lasting + moved**2 / block.independent_repeats
         return np.asarray(self.settled(block.channel) ** 2 / block.weight + lasting)
+
+    def scaled(self, factors: Mapping[str, float]) -> Noise:
+        """Return the noise with factors on the standard deviations of some channels."""
+        uneven = {
+            name: replace(changing, transient=changing.transient * factors.get(name, 1.0))
+            for name, changing in self.uneven.items()
+        }
+        timing = {
+            name: replace(late, delay_s=late.delay_s * factors.get(name, 1.0))
+            for name, late in self.timing.items()
+        }
+        sigma = {name: size * factors.get(name, 1.0) for name, size in self.sigma.items()}
+        return replace(self, sigma=sigma, uneven=uneven, timing=timing)
 
     def inconsistent_channels(self, factor: float) -> tuple[str, ...]:
         """Return the channels whose repeats differ over `factor` times as much as neighbouring samples."""
@@ -274,29 +282,15 @@ def _correlated(
     observations: Observations, blocks: list[Block], sigma: float, uneven: UnevenNoise | None
 ) -> CorrelatedNoise | None:
     """Return the correlated part of the settled noise, None if its autocorrelation is insignificant."""
-    products, samples = np.zeros(_LAGS), 0
+    parts = []
     for block in blocks:
         deviation = np.nan_to_num(block.deviations) if block.degrees_of_freedom else np.zeros((0, 0))
         if uneven is not None and deviation.size:
             run = observations.situations[block.situation].runs[0]
-            decaying = uneven.transient * activity_rpm(run, block.sample_times_s, uneven.decay_s)
-            deviation = np.where(decaying < uneven.settled * sigma, deviation, 0.0)
-        samples += int(np.count_nonzero(np.any(deviation, axis=0))) * block.repeats
-        for lag in range(min(_LAGS, deviation.shape[1])):
-            products[lag] += float(np.sum(deviation[:, lag:] * deviation[:, : deviation.shape[1] - lag]))
-    if products[0] <= 0.0:
-        return None
-    autocorrelation = products / products[0]
-    if autocorrelation[1] < _SIGNIFICANT / math.sqrt(samples):
-        return None
-    # Lag 0 contains the white part; the ratio of lags 2 and 1 tells how fast the correlated part decays.
-    decay = autocorrelation[2] / autocorrelation[1] if autocorrelation[2] > 0.0 else 0.1
-    decay = float(np.clip(decay, 0.1, 0.99))
-    share = float(np.clip(autocorrelation[1] / decay, 0.0, 1.0))
-    below = np.flatnonzero(autocorrelation[1:] < share / math.e)
-    lag = 1 + int(below[0]) if below.size else autocorrelation.size
+            deviation = uneven.settled_part(deviation, run, block.sample_times_s, sigma)
+        parts.append(deviation)
     interval = float(np.median(np.concatenate([np.diff(b.time_s) for b in blocks if b.time_s.size > 1])))
-    return CorrelatedNoise(share, lag * interval)
+    return find_correlated(parts, interval)
 
 
 def _scatter(observations: Observations, blocks: list[Block]) -> tuple[float, int, bool]:

@@ -45,6 +45,14 @@ class UnevenNoise:
     decay_s: float
     """Time constant with which it decays, and correlation time of what is decaying [s]."""
 
+    def settled_part(self, deviations: FloatArray, run: Run, time_s: FloatArray, sigma: float) -> FloatArray:
+        """Return the deviations (repeats, n) of a run at some times [s], 0 where they are not settled.
+
+        `sigma` is the standard deviation over all samples.
+        """
+        decaying = self.transient * activity_rpm(run, time_s, self.decay_s)
+        return np.where(decaying < self.settled * sigma, deviations, 0.0)
+
 
 def find_uneven(
     observations: Observations, blocks: Sequence[Block], sigma: float, least: float

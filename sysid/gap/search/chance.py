@@ -84,7 +84,27 @@ def misfit(problem: ResidualProblem, fitted: Fitted[Any], floor: Floor) -> float
     """Return the probability that a right model has at least the cost of a set; 1 if nobody can tell."""
     if not floor.trusted:
         return 1.0
-    return floor.chance(fitted.cost / expected(problem, fitted), problem.size)
+    cost = _cost_without_one_run(problem, fitted) if problem.unchanged.size else fitted.cost
+    return floor.chance(cost / expected(problem, fitted), problem.size)
+
+
+def _cost_without_one_run(problem: ResidualProblem, fitted: Fitted[Any]) -> float:
+    """Return the cost without what a single run shows and its repeats do not.
+
+    Such is a command that came late once, which is no effect of the commands. It is left out of one command
+    sequence only, the one where it is most: what happens in several is a difference, if a random one.
+    """
+    squares: dict[str, dict[int, list[float]]] = {}
+    blocks = zip(problem.observations.blocks, problem.whitener.slices, strict=True)
+    for block, rows in blocks:
+        group = problem.observations.situations[block.situation].group
+        squares.setdefault(group, {}).setdefault(block.situation, []).extend(fitted.residual[rows] ** 2)
+    alone = []
+    for runs in squares.values():
+        costs = sorted(runs.values(), key=np.mean)
+        rest = [value for values in costs[:-1] or costs for value in values]
+        alone.append(float(np.sum(costs[-1])) - len(costs[-1]) * float(np.mean(rest)))
+    return fitted.cost - max(alone)
 
 
 def complete(problem: ResidualProblem, fitted: Fitted[Any], floor: Floor) -> bool:
@@ -126,29 +146,34 @@ class ChanceGains:
     """Fall of the cost in each draw, sorted."""
     false_alarm: float = THRESHOLDS.false_alarm
     """Probability of a false alarm."""
+    scale: float = 1.0
+    """Factor from these gains to those that logs in which nothing changed show, at least 1."""
 
     def threshold(self) -> float:
         """Return the gain that is exceeded by chance with the probability of a false alarm."""
-        return float(np.quantile(self.gains, 1.0 - self.false_alarm))
+        return self.scale * float(np.quantile(self.gains, 1.0 - self.false_alarm))
 
     def p_value(self, gain: float) -> float:
         """Return the probability of at least this `gain` by chance."""
-        above = self.gains.size - int(np.searchsorted(self.gains, gain, side="left"))
+        above = self.gains.size - int(np.searchsorted(self.gains, gain / self.scale, side="left"))
         return (above + 1.0) / (self.gains.size + 1.0)
 
 
 def chance_gains(
+    problem: ResidualProblem,
     fitted: Fitted[Any],
     library: Sequence[Response],
     rng: np.random.Generator,
-    scatter: FloatArray,
     false_alarm: float = THRESHOLDS.false_alarm,
 ) -> ChanceGains:
     """Simulate the best gain of a fitted set by one more effect, if the set is the truth.
 
-    `library` holds the responses of the effects that were considered, `scatter` the columns of the rollers'
-    scatter at the set, (N, k). For rarer false alarms than usual there are as many more draws.
+    `library` holds the responses of the effects that were considered. For rarer false alarms than usual there
+    are as many more draws. Where logs are at hand in which nothing changed, the gains are scaled to what
+    these show on average, if that is more: noise that is not normal, such as a few late responses, looks more
+    like an effect.
     """
+    scatter = roller_scatter(problem, fitted)
     draws = math.ceil(THRESHOLDS.draws * max(1.0, min(THRESHOLDS.false_alarm / false_alarm, _MOST_DRAWS)))
     orthogonal = np.linalg.qr(fitted.jacobian)[0]
     units, owners = [], []
@@ -163,7 +188,18 @@ def chance_gains(
     columns = np.stack(units, axis=1)
     scores = rng.standard_normal((draws, len(units))) @ _root(columns.T @ columns).T
     scores += rng.standard_normal((draws, scatter.shape[1])) @ (scatter.T @ columns)
-    gains = np.zeros(draws)
+    gains = _best_gains(scores, columns, owners)
+    shown = _best_gains(problem.unchanged.T @ columns, columns, owners)
+    scale = float(np.mean(shown) / np.mean(gains)) if shown.size else 1.0
+    return ChanceGains(np.sort(gains), false_alarm, max(1.0, scale))
+
+
+def _best_gains(scores: FloatArray, columns: FloatArray, owners: Sequence[Response]) -> FloatArray:
+    """Return the best gain in each of d residuals, given their projections `scores` (d, n) on n columns.
+
+    The unit `columns` (N, n) are the responses of their `owners`.
+    """
+    gains = np.zeros(len(scores))
     steps: dict[tuple[str, tuple[float, ...]], list[int]] = {}
     for index, owner in enumerate(owners):
         if owner.linear:
@@ -177,7 +213,7 @@ def chance_gains(
         if others:
             # A threshold acts in one direction only.
             gains = np.maximum(gains, np.max(np.minimum(scores[:, others], 0.0) ** 2, axis=1))
-    return ChanceGains(np.sort(gains), false_alarm)
+    return gains
 
 
 def _root(covariance: FloatArray) -> FloatArray:

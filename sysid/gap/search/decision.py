@@ -23,7 +23,7 @@ from mecanum_env.model import cause_of
 from sysid.compare.least_squares import Fitted, ResidualProblem, fit
 from sysid.compare.search_space import EffectSet, RefittedLaw
 from sysid.gap.result import Verdict
-from sysid.gap.search.chance import Floor, chance_gains, complete, enough, misfit, roller_scatter
+from sysid.gap.search.chance import Floor, chance_gains, complete, enough, misfit
 from sysid.gap.search.free_term import free_term
 from sysid.gap.search.further import needed, residue, visible
 from sysid.gap.search.plain_squares import noise_ratio, plainly_larger, removed, removed_of_all
@@ -139,7 +139,7 @@ def explore(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
     Returns the facts up to the best such set.
     """
     problem, base = search.problem, search.base
-    by_chance = chance_gains(base, search.library, rng, roller_scatter(problem, base), floor.false_alarm)
+    by_chance = chance_gains(problem, base, search.library, rng, floor.false_alarm)
     hope = max((base.cost - growth.expected for growth in search.growths(base)), default=0.0)
     if hope > 0.5 * by_chance.threshold():
         search.grow(1)
@@ -181,8 +181,7 @@ def _grow(search: Search, floor: Floor, max_effects: int, rng: np.random.Generat
         nearest = search.of_size(size)[: search.effort.beam]
         promised = min((g.expected for p in nearest for g in search.growths(p)), default=parent.cost)
         inflation, gain = max(floor.slack, promised / problem.size), parent.cost - promised
-        scatter = roller_scatter(problem, parent)
-        by_chance = chance_gains(parent, search.library, rng, scatter, floor.false_alarm).threshold()
+        by_chance = chance_gains(problem, parent, search.library, rng, floor.false_alarm).threshold()
         if gain < by_chance * inflation:
             return size
         if not visible(problem, parent):
@@ -224,8 +223,7 @@ def _holds(search: Search, floor: Floor, chosen: ScoredSet, rng: np.random.Gener
     if doubtful(problem, chosen.fitted, inflation) or rises(problem, search.base, chosen.fitted):
         return False
     smaller = _best(search, size - 1, inflation).fitted
-    scatter = roller_scatter(problem, smaller)
-    by_chance = chance_gains(smaller, search.library, rng, scatter, floor.false_alarm).threshold()
+    by_chance = chance_gains(search.problem, smaller, search.library, rng, floor.false_alarm).threshold()
     if not _pays(search, floor, size, by_chance):
         return False
     return needed(search, floor, chosen.fitted, inflation, rng)

@@ -14,7 +14,7 @@ import numpy as np
 
 from sysid.compare.least_squares import Fitted, ResidualProblem, base_fit, fit
 from sysid.compare.search_space import EffectSet
-from sysid.gap.search.chance import Floor, chance_gains, complete, expected, roller_scatter
+from sysid.gap.search.chance import Floor, chance_gains, complete, expected
 from sysid.gap.search.sets import EMPTY, Search
 from sysid.gap.search.thresholds import THRESHOLDS
 from sysid.gap.search.ties import formula_error
@@ -44,7 +44,7 @@ def needed(
     smaller, larger = (_again(there, problem, fitted) for fitted in (part, chosen))
     if smaller is None or larger is None:
         return True
-    chance = chance_gains(part, search.library, rng, roller_scatter(problem, part), floor.false_alarm)
+    chance = chance_gains(problem, part, search.library, rng, floor.false_alarm)
     least = chance.threshold() * inflation + residue(there, floor, base_fit(there, EMPTY), smaller, larger)
     return smaller.cost - larger.cost >= least and needed(search, floor, part, inflation, rng)
 

@@ -63,8 +63,7 @@ def study_data(dataset: Dataset, model: Model, options: GapOptions) -> StudyData
             )
     if fitted_on is not None and not same_logs:
         settings = SimulationSettings(options.plant, options.jobs)
-        if dataset.level == "robot":
-            repeated = repeated_commands(model, fitted_on, observations, settings)
+        repeated = repeated_commands(model, fitted_on, observations, settings)
         if repeated is not None:
             notes.append(_repeated_note(observations, repeated))
             observations, error = repeated.observations, None

@@ -72,18 +72,18 @@ def test_a_mean_of_more_repeats_is_known_better() -> None:
     weights = [float(np.mean(one.observations.blocks[0].weight)) for one in (once, thrice)]
     np.testing.assert_allclose(weights, [1.0 / (1.0 + 1.0 / 2.0), 1.0 / (1.0 / 3.0 + 1.0 / 2.0)])
     # Without repeats nothing tells what differs from run to run.
-    assert once.scatter is None
-    assert thrice.scatter is not None
+    assert not once.scatters
+    assert len(thrice.scatters) == 3
 
 
 def test_noise_that_is_too_small_for_the_repeats_grows_to_twice_what_they_differ_by() -> None:
     found = compared(NOMINAL, logs(GAIN, (1, 2, 3, 4), seed=11))
     assert found is not None
-    assert found.scatter is not None
     noise = found.noise
     small = replace(noise, sigma={name: 0.1 * sigma for name, sigma in noise.sigma.items()})
-    grown, freedom = _calibrated(small, found.observations, found.scatter)
-    white = Whitener(found.observations, grown, None).whiten(found.scatter)
+    grown, freedom = _calibrated(small, found.observations, found.scatters, "robot")
+    whitener = Whitener(found.observations, grown, None)
+    white = np.array([whitener.whiten(scatter) for scatter in found.scatters])
     np.testing.assert_allclose(2.0 * np.mean(white**2), 1.0, rtol=0.02)
     assert freedom > 10.0  # what four sequences of white noise show
 
@@ -94,7 +94,7 @@ def test_a_run_without_measured_samples_is_left_out() -> None:
     found = compared(replace(NOMINAL, runs=(replace(first, channels=nothing), *others)), NOMINAL)
     assert found is not None
     # Of the first sequence one repeat is left, so that not all of the sequences tell what repeats differ by.
-    assert found.scatter is None
+    assert not found.scatters
 
 
 def test_pieces_of_a_long_run_are_found_in_the_run_that_repeats_it() -> None:

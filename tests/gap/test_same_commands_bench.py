@@ -102,7 +102,9 @@ def test_what_a_single_run_shows_and_its_repeats_do_not_is_no_gap(
     # With stamps of its own each repeat is compared alone.
     uneven = bench_logs(wheel, noise_rpm=0.0, late_s=0.004)
     nominal, new = noisy(uneven, seed=4), with_glitch(noisy(uneven, seed=5), "run1_1.csv")
-    assert study(new, nominal, base).verdict == "no_gap"
+    report = study(new, nominal, base)
+    assert report.verdict == "no_gap"
+    assert any(note.startswith("run1_1.csv differs from its repeats") for note in report.notes)
     twice = with_glitch(with_glitch(new, "run0_2.csv"), "run2_0.csv")
     assert study(twice, nominal, base).verdict == "unexplained"
 

@@ -27,6 +27,7 @@ from mecanum_env.units import FloatArray
 from sysid.compare.least_squares import Fitted, ResidualProblem
 from sysid.gap.result import Untestable
 from sysid.gap.search.responses import Response
+from sysid.gap.search.single_run import single_run
 from sysid.gap.search.thresholds import THRESHOLDS
 from sysid.logs.runs import Level
 
@@ -84,27 +85,31 @@ def misfit(problem: ResidualProblem, fitted: Fitted[Any], floor: Floor) -> float
     """Return the probability that a right model has at least the cost of a set; 1 if nobody can tell."""
     if not floor.trusted:
         return 1.0
-    cost = _cost_without_one_run(problem, fitted) if problem.unchanged.size else fitted.cost
-    return floor.chance(cost / expected(problem, fitted), problem.size)
+    return floor.chance(
+        (fitted.cost - _of_one_run(problem, fitted)) / expected(problem, fitted), problem.size
+    )
 
 
-def _cost_without_one_run(problem: ResidualProblem, fitted: Fitted[Any]) -> float:
-    """Return the cost without what a single run shows and its repeats do not.
+def odd_run(problem: ResidualProblem, fitted: Fitted[Any], floor: Floor) -> str:
+    """Return the file of the run without which the cost of a set is no more than chance allows.
 
-    Such is a command that came late once, which is no effect of the commands. It is left out of one command
-    sequence only, the one where it is most: what happens in several is a difference, if a random one.
+    It is empty if there is none, or if chance allows the cost as it is.
     """
-    squares: dict[str, dict[int, list[float]]] = {}
-    blocks = zip(problem.observations.blocks, problem.whitener.slices, strict=True)
-    for block, rows in blocks:
-        group = problem.observations.situations[block.situation].group
-        squares.setdefault(group, {}).setdefault(block.situation, []).extend(fitted.residual[rows] ** 2)
-    alone = []
-    for runs in squares.values():
-        costs = sorted(runs.values(), key=np.mean)
-        rest = [value for values in costs[:-1] or costs for value in values]
-        alone.append(float(np.sum(costs[-1])) - len(costs[-1]) * float(np.mean(rest)))
-    return fitted.cost - max(alone)
+    odd = single_run(problem, fitted) if problem.unchanged.size else None
+    whole = floor.chance(fitted.cost / expected(problem, fitted), problem.size)
+    if odd is None or not whole <= floor.false_alarm < misfit(problem, fitted, floor):
+        return ""
+    return odd.run.file
+
+
+def _of_one_run(problem: ResidualProblem, fitted: Fitted[Any]) -> float:
+    """Return the cost that a single run shows and its repeats do not, where the noise of repeats is known.
+
+    It is left out of one command sequence only, the one where it is most: what happens in several is a
+    difference, if a random one.
+    """
+    odd = single_run(problem, fitted) if problem.unchanged.size else None
+    return 0.0 if odd is None else odd.excess
 
 
 def complete(problem: ResidualProblem, fitted: Fitted[Any], floor: Floor) -> bool:

@@ -23,7 +23,7 @@ from mecanum_env.model import cause_of
 from sysid.compare.least_squares import Fitted, ResidualProblem, fit
 from sysid.compare.search_space import EffectSet, RefittedLaw
 from sysid.gap.result import Verdict
-from sysid.gap.search.chance import Floor, chance_gains, complete, enough, misfit
+from sysid.gap.search.chance import Floor, chance_gains, complete, enough, misfit, odd_run
 from sysid.gap.search.free_term import free_term
 from sysid.gap.search.further import needed, residue, visible
 from sysid.gap.search.plain_squares import noise_ratio, plainly_larger, removed, removed_of_all
@@ -72,6 +72,8 @@ def decide(search: Search, floor: Floor, max_effects: int, rng: np.random.Genera
             facts = collect(search, floor, max_effects, rng)
             notes.append("initial wheel angles are unknown: the ripple they can cause is counted as noise")
     outcome = apply_rules(facts)
+    if outcome.verdict == "no_gap" and (file := odd_run(problem, search.base, floor)):
+        notes.append(f"{file} differs from its repeats by more than noise, no other run does: look at it")
     found = outcome.verdict in ("named", "ambiguous")
     return Decision(
         verdict=outcome.verdict,

@@ -27,7 +27,6 @@ wheel_drives       what the four drives make of commands, all at once
 observed_motion    from late observations to the present
 identified_motion  the delay and the speed of a robot, found while it moves
 strike             when the opponent's strike lands
-expected           the opponents that a planner expects that is told none
 """
 
 from training.controllers.interface import Command, Controller, twist_command

@@ -6,17 +6,23 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+from scipy.special import ndtr
 
 from mecanum_env.kinematics import scale_wheels, twist_to_wheels, wheels_to_twist
 from mecanum_env.model import Model
 from mecanum_env.tankendo import Observed, Opponent, Rules, read_observation
 from mecanum_env.tankendo.actions import FULL_V_RPM
 from mecanum_env.units import FloatArray
-from training.controllers.expected import ExpectedOpponent, expected_opponents, miss_probability
 from training.controllers.identified_motion import IdentifiedPredictor
 from training.controllers.interface import Command, twist_command
 from training.controllers.observed_motion import integrated_path, seen_from
-from training.controllers.strike import WARNING_S, RobotStates, StrikeEstimate, StrikePhase
+from training.controllers.strike import (
+    WARNING_S,
+    RobotStates,
+    StrikeEstimate,
+    StrikePhase,
+    miss_margin,
+)
 from training.controllers.tracking import Proportional, opponent_place
 
 _HISTORY_S = 0.3
@@ -74,11 +80,9 @@ class Mpc:
         sum over hypotheses of P(hypothesis) Phi(margin / spread) - weight |distance at the hit - maai|
 
     with the margin by which each hypothetical strike of `StrikePhase` misses. Between strikes the robot keeps
-    its distance. The maai is that of the rules. With `is_exact` the model is that of the robot itself, and
-    its delay and speed need not be identified.
-
-    An `opponent` that is given is taken as known. By default techniques and sight delay are those of level
-    normal, and of its lead and its reach nothing is known: Phi is then the mean over `expected_opponents`.
+    its distance. The opponent's techniques, sight delay and lead are taken as known; by default they are
+    those of level normal. The maai is that of the rules. With `is_exact` the model is that of the robot
+    itself, and its delay and speed need not be identified.
     """
 
     def __init__(
@@ -92,9 +96,6 @@ class Mpc:
     ) -> None:
         self._planning = Planning() if planning is None else planning
         self._opponent = Opponent() if opponent is None else opponent
-        self._expected = (
-            expected_opponents(self._opponent) if opponent is None else (ExpectedOpponent(1.0, opponent),)
-        )
         self._maai_m = (Rules() if rules is None else rules).maai_m
         self._robot = model.robot
         self._period_s = model.wheel.command_period_s
@@ -206,11 +207,9 @@ class Mpc:
         landed = at(land_s)
         seen_then = at(cut_s - self._opponent.sight_delay_s)
         waiting = _turned_back(self._waiting, seen)
-        missed = miss_probability(
-            self._expected, technique[:, None], origin, seen_then, landed, waiting, planning.spread_m
-        )
+        margin = miss_margin(self._opponent, technique[:, None], origin, seen_then, landed, waiting)
         off = np.abs(np.hypot(landed.x - origin[0], landed.y - origin[1]) - self._maai_m)
-        score = weight @ (missed - planning.distance_weight_per_m * off)
+        score = weight @ (ndtr(margin / planning.spread_m) - planning.distance_weight_per_m * off)
         if self._plan is not None:
             score[-1] += planning.continuation_bonus
         best = int(np.argmax(score))

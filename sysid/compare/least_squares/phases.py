@@ -1,8 +1,5 @@
 """Effects that follow the wheel's angle: the angle at which a run starts is unknown, and so is each phase.
 
-A prediction that errs by some rpm after a change of command is off by a part of a turn from then on. So each
-command that is held for long enough may have a phase of its own, where that makes a run far likelier.
-
 To first order a phase p changes a residual by a cos p + b sin p. The likelihood of a run is its mean over all
 phases. In the mean of n repeats, cos p and sin p are about normal with mean 0 and variance 1 / (2 n); its
 residual then has the covariance I + Z Z', Z the two columns a and b times that standard deviation.
@@ -12,8 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from itertools import pairwise
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -21,8 +17,7 @@ import numpy as np
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import Model
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
-from sysid.compare.measured import Block, Observations
-from sysid.compare.noise import holds_of
+from sysid.compare.measured import Block
 
 PHASE: Final = "phase_deg"
 _PHASES_DEG: Final = (0.0, 120.0, 240.0)
@@ -30,53 +25,21 @@ _PHASES_DEG: Final = (0.0, 120.0, 240.0)
 _VARIANCE: Final = 0.5
 _ANGLES: Final = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)
 _CIRCLE: Final = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)])
-_FEWEST: Final = 10
-"""Fewest values of a held command that have a phase of their own; of shorter ones, several have one. Assumed:
-a phase that few values tell is hardly known."""
-_FAR_LIKELIER: Final = 0.8
-"""Share of the deviance with one phase below which that with a phase for each hold counts. Assumed: a smaller
-gain makes up for what the formula of the effect lacks, and shifts its size."""
 FREQUENCIES: Final = tuple(range(1, 25))
 """Periods per turn that are looked for: a wheel, gear or disk is uneven a whole number of times."""
 
 
-@dataclass(frozen=True)
-class PhaseParts:
-    """The rows of a whitened residual that have a phase of their own, for one block of observations."""
-
-    whole: slice
-    """All rows of the block."""
-    holds: tuple[slice, ...]
-    """Those of each held command, or of several short ones."""
-    repeats: int
-    """Number of runs whose mean the block is."""
-
-
-def phase_parts(observations: Observations, rows: Sequence[slice]) -> tuple[PhaseParts, ...]:
-    """Return what may have a phase of its own in each block of the observations.
-
-    `rows` are those of each block in a whitened residual.
-    """
-    found = []
-    for block, own in zip(observations.blocks, rows, strict=True):
-        starts = np.flatnonzero(np.diff(holds_of(observations, block))) + 1
-        edges = [0]
-        for start in starts.tolist():
-            if min(start - edges[-1], block.value.size - start) >= _FEWEST:
-                edges.append(start)
-        holds = tuple(slice(own.start + a, own.start + b) for a, b in pairwise([*edges, block.value.size]))
-        found.append(PhaseParts(own, holds, block.repeats))
-    return tuple(found)
-
-
 def with_unknown_phases(
-    residual_of: Callable[[Model], FloatArray | None], model: Model, parts: Sequence[PhaseParts]
+    residual_of: Callable[[Model], FloatArray | None],
+    model: Model,
+    blocks: Sequence[Block],
+    rows: Sequence[slice],
 ) -> FloatArray | None:
-    """Return the whitened residual (N,) of a model whose phases are unknown in each block.
+    """Return the whitened residual (N,) of a model whose phases are unknown in each of the `blocks`.
 
-    `residual_of` returns that of a model with its phases as they are, None if it cannot be simulated. The
-    square of the result is minus twice the logarithm of the likelihood, up to a constant: what the unknown
-    phases cost is spread over the residual as a factor.
+    `residual_of` returns that of a model with its phases as they are, None if it cannot be simulated; `rows`
+    are those of each block. The square of the result is minus twice the logarithm of the likelihood, up to a
+    constant: what the unknown phases cost is spread over the residual as a factor.
     """
     turning = [name for name in model.effects if CATALOGUE[name].follows_angle and not _neutral(model, name)]
     if not turning:
@@ -88,20 +51,12 @@ def with_unknown_phases(
     at = np.radians(_PHASES_DEG)
     waves = 2.0 / len(at) * np.stack([np.cos(at), np.sin(at)]) @ np.stack(known)
     result: FloatArray = np.mean(known, axis=0)
-    for part in parts:
-        over = _over_one_phase if part.repeats == 1 else _over_mean_phases
-        one, each = (
-            np.concatenate([_scaled(*over(result[rows], waves[:, rows].T, part.repeats)) for rows in way])
-            for way in ((part.whole,), part.holds)
-        )
-        result[part.whole] = each if each @ each < _FAR_LIKELIER * (one @ one) else one
+    for block, part in zip(blocks, rows, strict=True):
+        over = _over_one_phase if block.repeats == 1 else _over_mean_phases
+        own, deviance = over(result[part], waves[:, part].T, block.repeats)
+        square = float(own @ own)
+        result[part] = own * math.sqrt(deviance / square) if square > 0.0 else own
     return result
-
-
-def _scaled(residual: FloatArray, deviance: float) -> FloatArray:
-    """Return a residual (n,) with a factor that makes its square a deviance."""
-    square = float(residual @ residual)
-    return residual * math.sqrt(deviance / square) if square > 0.0 else residual
 
 
 def _over_one_phase(mean: FloatArray, waves: FloatArray, _repeats: int) -> tuple[FloatArray, float]:

@@ -18,7 +18,7 @@ from mecanum_env.errors import MecanumError
 from mecanum_env.model import Model, cause_of
 from mecanum_env.units import FloatArray
 from sysid.compare.least_squares.gauss_newton import Mask
-from sysid.compare.least_squares.phases import phase_parts, with_unknown_phases
+from sysid.compare.least_squares.phases import with_unknown_phases
 from sysid.compare.least_squares.ripple import WheelAngleRipple
 from sysid.compare.model_error import Learned, RepeatedCommands, Whitener, plausible_models, shape_columns
 from sysid.compare.predicted import (
@@ -73,7 +73,6 @@ class ResidualProblem:
         self.settings = replace(settings or SimulationSettings(), scale=scale_of(base, runs))
         self.simulators = simulators or Simulators.of(self.observations, self.settings)
         self.bench = runs[0].level == "bench"
-        self._phase_parts = phase_parts(self.observations, whitener.slices)
         self._ripple: WheelAngleRipple | None = None
         if self.simulators.planar is not None and learned is None:
             # Where the logs of the fit are known, their ripple is among the model's own error.
@@ -160,7 +159,8 @@ class ResidualProblem:
                 return None
             return self.measured - self.whitener.whiten(predictions)
 
-        return with_unknown_phases(with_its_phases, model, self._phase_parts)
+        rows = self.whitener.slices
+        return with_unknown_phases(with_its_phases, model, self.observations.blocks, rows)
 
     def surrogate_residual(self, model: Model) -> FloatArray | None:
         """Return the whitened residual (N,) of a model on the planar plant; on the bench that of `residual`.

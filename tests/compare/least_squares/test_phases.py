@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -12,7 +10,7 @@ import pytest
 from mecanum_env.model import Model, paper_model
 from mecanum_env.simulator import replay_bench
 from sysid.compare.least_squares import ResidualProblem, likely_frequencies
-from sysid.compare.least_squares.phases import PhaseParts, phase_parts, with_unknown_phases
+from sysid.compare.least_squares.phases import with_unknown_phases
 from sysid.compare.measured import observe
 from sysid.compare.model_error import Whitener
 from sysid.compare.noise import measure_noise
@@ -129,38 +127,6 @@ def test_a_phase_that_cancels_a_huge_residual_costs_nothing_below_zero() -> None
     def residual_of(turned: Model) -> np.ndarray:
         return shape * (1.0 + np.cos(np.radians(turned.effects["torque_ripple"]["phase_deg"] + 10.0)))
 
-    parts = phase_parts(problem.observations, problem.whitener.slices)
-    found = with_unknown_phases(residual_of, model, parts)
+    blocks, rows = problem.observations.blocks, problem.whitener.slices
+    found = with_unknown_phases(residual_of, model, blocks, rows)
     assert np.all(np.isfinite(found))
-
-
-def test_the_wheel_may_be_ahead_of_its_prediction_by_another_angle_after_each_change() -> None:
-    problem = problem_of(turned_logs("torque_ripple", torque_n_m=0.3, per_turn=6.0))
-    model = MODEL.with_effect("torque_ripple", torque_n_m=0.3, per_turn=6.0, phase_deg=0.0)
-    parts = phase_parts(problem.observations, problem.whitener.slices)
-    angle, ahead = 0.1 * np.arange(problem.size), np.zeros(problem.size)
-    for number, hold in enumerate(hold for part in parts for hold in part.holds):
-        ahead[hold] = 2.0 * number
-
-    def residual_of(turned: Model) -> np.ndarray:
-        phase = np.radians(turned.effects["torque_ripple"]["phase_deg"])
-        return 10.0 * (np.cos(angle + ahead) - np.cos(angle + phase))
-
-    def cost(some: Sequence[PhaseParts]) -> float:
-        found = with_unknown_phases(residual_of, model, some)
-        assert found is not None
-        return float(found @ found)
-
-    assert cost(parts) < 0.01 * cost([replace(part, holds=(part.whole,)) for part in parts])
-
-
-def test_short_holds_share_a_phase() -> None:
-    logs = turned_logs("encoder_eccentricity", per_turn=2.0, share=0.03)
-    observations = observe(logs)
-    rows = Whitener(observations, measure_noise(logs, observations), None).slices
-    for part, own in zip(phase_parts(observations, rows), rows, strict=True):
-        assert part.whole == own
-        assert (part.holds[0].start, part.holds[-1].stop) == (own.start, own.stop)
-        assert all(one.stop == other.start for one, other in pairwise(part.holds))
-        assert len(part.holds) > 3
-        assert min(hold.stop - hold.start for hold in part.holds) >= 10

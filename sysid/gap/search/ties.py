@@ -168,8 +168,11 @@ def formula_error(
     """
     sharp = complete(problem, better, floor) and not complete(problem, worse, floor)
     own = [name for name in worse.names if name not in better.names] or worse.names
-    exact = sharp or all(name in CATALOGUE and CATALOGUE[name].exact for name in own)
-    return THRESHOLDS.exact_formula if exact else THRESHOLDS.formula_error
+    if all(name in CATALOGUE and CATALOGUE[name].exact for name in own):
+        return THRESHOLDS.exact_formula
+    if not sharp:
+        return THRESHOLDS.formula_error
+    return THRESHOLDS.familiar_formula if floor.familiar else THRESHOLDS.exact_formula
 
 
 def _as_good(

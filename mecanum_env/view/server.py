@@ -15,6 +15,7 @@ import queue
 import secrets
 import socket
 import threading
+import weakref
 from collections import deque
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -30,6 +31,7 @@ try:
     from websockets.datastructures import Headers
     from websockets.exceptions import ConnectionClosed
     from websockets.http11 import Request, Response
+    from websockets.protocol import State
     from websockets.typing import Origin
 except ImportError as error:
     raise BackendError(f"the view needs websockets 13 or newer: {install_command('view')}") from error
@@ -74,6 +76,7 @@ class Server:
         self._token = secrets.token_urlsafe(18)
         self._inbox: queue.SimpleQueue[Message] = queue.SimpleQueue()
         self._pages: set[_Page] = set()
+        self._opened: weakref.WeakSet[ServerConnection] = weakref.WeakSet()
         self._contents = {name: (files(__package__) / "page" / name).read_bytes() for name in _KINDS}
         self._loop = asyncio.new_event_loop()
         self._stop = asyncio.Event()
@@ -121,6 +124,13 @@ class Server:
             self._loop.close()
 
     async def _serve(self) -> None:
+        opened = self._opened
+
+        class Remembered(ServerConnection):
+            def connection_made(self, transport: asyncio.BaseTransport) -> None:
+                super().connection_made(transport)
+                opened.add(self)
+
         own = [Origin(f"http://{name}:{self.port}") for name in (HOST, "localhost")]
         async with serve(
             self._attend,
@@ -130,9 +140,19 @@ class Server:
             max_size=_LARGEST_MESSAGE,
             compression=None,
             close_timeout=1.0,
+            create_connection=Remembered,
         ) as server:
             await self._stop.wait()
-            await _close(server)
+            await self._hang_up(server)
+
+    async def _hang_up(self, server: WebsocketServer) -> None:
+        server.close()
+        # Browsers open connections in advance, and ask nothing through them.
+        for connection in tuple(self._opened):
+            if connection.state is State.CONNECTING:
+                connection.transport.abort()
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(server.wait_closed(), timeout=2.0)
 
     def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
         """Return a file of the page, "not found", or None for a connection to go on with."""
@@ -202,12 +222,6 @@ async def _send(page: _Page, connection: ServerConnection) -> None:
                 picture, page.picture = page.picture, None
                 page.unseen += 1
                 await connection.send(picture)
-
-
-async def _close(server: WebsocketServer) -> None:
-    server.close()
-    with contextlib.suppress(TimeoutError):
-        await asyncio.wait_for(server.wait_closed(), timeout=2.0)
 
 
 def _read(text: str | bytes) -> Message | None:

@@ -136,3 +136,13 @@ def test_without_its_library_the_view_says_what_to_install():
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120)
     assert done.returncode > 1
     assert re.fullmatch(r"error: the view needs websockets 13 or newer: `pip install .*\n", done.stderr)
+
+
+def test_a_connection_through_which_nothing_was_asked_is_closed_with_the_server() -> None:
+    server = Server()
+    with socket.create_connection((HOST, server.port), timeout=5.0) as silent:
+        # The first one has been accepted once the second one is answered.
+        with urllib.request.urlopen(server.url, timeout=5.0) as answer:
+            assert answer.status == 200
+        server.close()
+        assert silent.recv(1) == b""

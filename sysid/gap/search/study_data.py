@@ -39,7 +39,7 @@ class StudyData:
     learned: Learned | None = None
     """What the logs of the model's fit teach about its own error, where they are at hand."""
     repeated: RepeatedCommands | None = None
-    """What these logs show in the same commands, if a robot was driven with these again."""
+    """What these logs show in the same commands, if these were driven again."""
 
 
 def study_data(dataset: Dataset, model: Model, options: GapOptions) -> StudyData:

@@ -85,6 +85,34 @@ def test_a_loss_is_not_named_where_the_best_set_needs_none(monkeypatch: pytest.M
     assert with_link_fault(dataset, model, options, nothing, best, not_asked) is nothing
 
 
+def test_a_fault_is_not_named_beside_effects_that_leave_less_than_it_does(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A slow answer looks like a late one: the delays of single changes differ under the best set, too."""
+    dataset, model = logs("jitter", 1), paper_model()
+    best = model.with_effect("sensor_lowpass", time_constant_s=0.01)
+    left = {"best": 1.0}
+
+    def squares(_dataset: Dataset, under: Model) -> float:
+        return 100.0 if under is model else left["best"] if under is best else 4.0
+
+    monkeypatch.setattr(link_faults, "_squares", squares)
+    options = replace(QUIET, fitted_on=logs("steady", 9))
+    named = replace(analyse(logs("steady", 1), model, options), verdict="named")
+    studied: list[Model] = []
+
+    def again(_dataset: Dataset, base: Model, _options: GapOptions) -> GapReport:
+        studied.append(base)
+        return named
+
+    assert with_link_fault(dataset, model, options, named, best, again) is named
+    assert not studied
+    # Effects that leave more than the moved changes do say nothing against the fault.
+    left["best"] = 9.0
+    with_link_fault(dataset, model, options, named, best, again)
+    assert studied
+
+
 def test_a_model_that_loses_commands_is_compared_with_the_changes_where_they_acted() -> None:
     model = paper_model().with_effect("command_loss", share=SHARE)
     late = AlignedLogs.stated(logs("loss", 3), model)

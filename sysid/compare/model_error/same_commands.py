@@ -22,8 +22,7 @@ _CLOCK_S: Final = 0.03
 on common computers send a command so late now and then."""
 _NEARLY: Final = 0.1
 """Largest mean difference of two commands that are as good as the same, relative to their mean size. Assumed:
-program sequences of the drawn drives differ from each other by a third or more, and by 0.04 from themselves
-if they are sampled at other times."""
+a model errs alike in commands that are so close, whether or not they were meant to be the same."""
 _GRID_S: Final = 0.005
 """Step of the times at which commands are compared [s]."""
 

@@ -46,7 +46,7 @@ def noise_beside_model(noise: Noise, found: Sequence[Deviations]) -> Noise:
         if squares <= 0.0:
             continue
         sigma[name] = math.sqrt(squares)
-        late = find_timing([r for one in own for r in _responses(one)], sigma[name], 0.0)
+        late = find_timing([r for one in own for r in _responses(one)], sigma[name])
         parts = [one.values for one in own]
         if late is not None:
             timing[name] = late

@@ -59,20 +59,19 @@ def slope_of(value: FloatArray, time_s: FloatArray) -> FloatArray:
     return np.asarray(np.gradient(value, time_s)) if value.size > 1 else np.zeros(value.size)
 
 
-def find_timing(responses: Sequence[Response], sigma: float, least: float) -> TimingNoise | None:
+def find_timing(responses: Sequence[Response], sigma: float) -> TimingNoise | None:
     """Return how much of the noise is timing; None if repeats do not show it.
 
     Args:
         responses: what repeats differ by, for each hold of each repeat.
         sigma: standard deviation of a sample over all of them.
-        least: standard deviation of a sample that the sensor's resolution allows at least.
     """
     sizes = np.array([response.deviation.size for response in responses], float)
     shares = np.array([response.share for response in responses])
     lengths = np.array([float(r.slope @ r.slope) for r in responses])
     along = np.array([float(r.slope @ r.deviation) for r in responses]) ** 2 / np.maximum(lengths, 1e-300)
     squares = np.array([float(r.deviation @ r.deviation) for r in responses])
-    lowest = max(_LEAST_SHARE * sigma, least, 1e-9)
+    lowest = max(_LEAST_SHARE * sigma, 1e-9)
 
     def deviance(settled: float, delay_s: float) -> float:
         """Return minus twice the log likelihood, up to a constant."""

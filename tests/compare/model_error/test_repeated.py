@@ -76,6 +76,19 @@ def test_a_mean_of_more_repeats_is_known_better() -> None:
     assert len(thrice.scatters) == 3
 
 
+def test_new_samples_count_no_more_than_those_of_the_logs_that_give_the_noise() -> None:
+    """Noise that grows with the speed may have been found in the one logs and not in the others."""
+    new = logs(GAIN, (1, 2, 3), seed=15)
+    less = [
+        replace(run, weights={name: np.full(run.time_s.size, 0.25) for name in run.channels})
+        for run in NOMINAL.runs
+    ]
+    found = compared(replace(NOMINAL, runs=tuple(less)), new)
+    assert found is not None
+    # Two repeats in each, of a quarter of a sample each.
+    np.testing.assert_allclose(found.observations.blocks[0].weight, 1.0 / (1.0 / 0.5 + 1.0 / 0.5))
+
+
 def test_noise_that_is_too_small_for_the_repeats_grows_to_twice_what_they_differ_by() -> None:
     found = compared(NOMINAL, logs(GAIN, (1, 2, 3, 4), seed=11))
     assert found is not None

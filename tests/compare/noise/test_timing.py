@@ -35,7 +35,7 @@ def overall(found: list[Response]) -> float:
 def test_delays_that_differ_are_found_with_the_noise_beside_them() -> None:
     found = responses(DELAY_S, seed=1)
     sigma = overall(found)
-    timing = find_timing(found, sigma, 0.0)
+    timing = find_timing(found, sigma)
     assert timing is not None
     assert timing.delay_s == pytest.approx(DELAY_S, rel=0.25)
     assert timing.settled * sigma == pytest.approx(SIGMA_RPM, rel=0.1)
@@ -43,7 +43,7 @@ def test_delays_that_differ_are_found_with_the_noise_beside_them() -> None:
 
 def test_white_noise_has_no_delays() -> None:
     found = responses(0.0, seed=2)
-    assert find_timing(found, overall(found), 0.0) is None
+    assert find_timing(found, overall(found)) is None
 
 
 def test_a_whitened_delay_is_one_number_of_each_hold(bench_logs: MakeLogs, base: Model) -> None:

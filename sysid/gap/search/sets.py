@@ -142,15 +142,26 @@ class Search:
     def fit_best(self, candidates: Sequence[Growth], most: int) -> None:
         """Fit up to `most` different `candidates` by full simulation, those that promise enough."""
         ordered = sorted(candidates, key=lambda g: (g.expected, g.names))
+        least = self._least_promise(ordered)
         chosen: dict[tuple[str, ...], Growth] = {}
         for growth in ordered:
-            gain, best = (self.base.cost - g.expected for g in (growth, ordered[0]))
-            if gain >= _WORTH_FITTING * best and growth.names not in self._fitted and len(chosen) < most:
+            promised = self.base.cost - growth.expected
+            if promised >= least and growth.names not in self._fitted and len(chosen) < most:
                 chosen.setdefault(growth.names, growth)
         # The most promising one shows what the others have to reach.
         ranked = list(chosen.values())
         self._fit_hopeful(ranked[:1])
         self._fit_hopeful(ranked[1:])
+
+    def _least_promise(self, ordered: Sequence[Growth]) -> float:
+        """Return the gain that the screening must promise for a growth to be fitted; the best are first.
+
+        Single effects on the bench are all fitted: that takes a second, and a threshold between two of the
+        sizes that were screened may promise a fifth of what it gains.
+        """
+        if not ordered or (len(ordered[0].names) == 1 and not self.problem.has_surrogate):
+            return -math.inf
+        return _WORTH_FITTING * (self.base.cost - ordered[0].expected)
 
     def _fit_hopeful(self, growths: Sequence[Growth]) -> None:
         limits = [self._limit(growth.candidate.names) for growth in growths]

@@ -139,6 +139,6 @@ class SearchEffort:
 
 
 EFFORT: Final[Mapping[Level, SearchEffort]] = {
-    "bench": SearchEffort(15, 16, 8, 20, 5, 240.0),
+    "bench": SearchEffort(40, 16, 8, 20, 5, 240.0),
     "robot": SearchEffort(8, 8, 4, 4, 3, 60.0),
 }

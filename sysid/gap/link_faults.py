@@ -37,7 +37,7 @@ from sysid.compare.links import (
     link_delays,
     link_fault,
 )
-from sysid.compare.model_error import covariance_of, with_adopted
+from sysid.compare.model_error import covariance_of, with_adopted, without_known_error
 from sysid.compare.predicted import predict
 from sysid.gap.result import Difference, FoundEffect, GapOptions, GapReport, Interval, Region, Since
 from sysid.gap.search.known_effects import is_meant
@@ -111,19 +111,16 @@ def _found(
 ) -> _Found | None:
     clock = LinkClock.of(model)
     interval = float(np.median([run.median_interval_s for run in dataset.runs]))
-    own, fitted_on = link_delays(model, dataset.runs, clock), options.fitted_on
-    before = None if fitted_on is None else link_delays(model, fitted_on.runs, clock)
+    fitted_on = options.fitted_on
+    given, dataset = dataset, _beside_own_error(model, dataset, fitted_on)
+    own = link_delays(model, dataset.runs, clock)
+    before = None if fitted_on is None else link_delays(model, _beside_own_error(model, fitted_on, fitted_on).runs, clock)
     known = known_state(before, interval)
     rng = np.random.default_rng(options.seed)
     fault = link_fault(own, known, THRESHOLDS.interval_level, rng)
     if fault is None:
         return None
-    if best is not model:
-        beside_best = link_delays(best, dataset.runs, clock)
-        beside = link_fault(beside_best, known, THRESHOLDS.interval_level, rng)
-        if beside is None or beside.kind != fault.kind:
-            return None
-    sure = fault.delays(own, known)
+    sure = fault.delays(own)
     # Of a jitter the mean belongs to it; beside a loss another delay is for the study to find.
     sure = replace(sure, mean_s=clock.delay_s) if fault.kind == "jitter" else sure
     logs = AlignedLogs.of(dataset, model, clock, sure)
@@ -132,12 +129,26 @@ def _found(
     removed, left = before_squares - after_squares, max(0.0, after_squares - noise)
     if removed <= _LEAST_REMOVED * max(before_squares - noise, 0.0):
         return None
-    if report.verdict in ("named", "ambiguous") and _squares(dataset, best) < after_squares:
+    best_squares = _squares(dataset, best) if best is not model else math.inf
+    if report.verdict in ("named", "ambiguous") and best_squares < after_squares:
         # A slow answer looks like a late one: effects that leave less need no fault beside them.
         return None
+    if best is not model and best_squares - after_squares <= _LEAST_REMOVED * best_squares:
+        # Neither leaves far less than the other: then the changes must be late beside the effects, too.
+        beside = link_fault(link_delays(best, dataset.runs, clock), known, THRESHOLDS.interval_level, rng)
+        if beside is None or beside.kind != fault.kind:
+            return None
     if fitted_on is not None:
         fitted_on = logs.beside(fitted_on, before)
+    logs = AlignedLogs.of(given, model, clock, sure)
     return _Found(fault, logs, fitted_on, left <= THRESHOLDS.adequate_residual**2 * removed)
+
+
+def _beside_own_error(model: Model, dataset: Dataset, fitted_on: Dataset | None) -> Dataset:
+    """Return the logs less what the model errs by in the same commands of the logs of its fit."""
+    if fitted_on is None or fitted_on.level != "bench":
+        return dataset
+    return replace(dataset, runs=without_known_error(model, dataset.runs, fitted_on.runs))
 
 
 def _squares(dataset: Dataset, model: Model) -> float:

@@ -44,9 +44,11 @@ class LinkState:
     """Spread and loss of a link."""
 
     spread_s: float = 0.0
-    """Standard deviation of the delays [s]."""
+    """Standard deviation of the delays [s], no less than what stamps are rounded by."""
     share: float = 0.0
     """Share of the commands that are lost."""
+    least_spread_s: float = 0.0
+    """Standard deviation of the delays [s] that the logs themselves show."""
 
 
 @dataclass(frozen=True)
@@ -64,11 +66,13 @@ class LinkFault:
     """Time after which a lost command is repeated [s]."""
     frequency: float
     """Share of resamples of the changes that show it, too."""
+    spread_s: float = 0.0
+    """Standard deviation of the delays beside a loss [s]."""
 
-    def delays(self, found: LinkDelays, known: LinkState) -> LinkDelays:
+    def delays(self, found: LinkDelays) -> LinkDelays:
         """Return the delays that were `found` as the fault makes them most likely, around its delay.
 
-        The link's own spread is `known`. A jitter gives each change the mean of its posterior; a loss so
+        A jitter gives each change the mean of its posterior; a loss so
         many periods as are most likely.
         """
         table, mean_s = _Table.of(found, found.likelihood, self.period_s), self.delay_s[0]
@@ -76,14 +80,14 @@ class LinkFault:
             delay_s = table.posterior_s(self.size[0], mean_s)
             return replace(found, delay_s=delay_s, mean_s=mean_s, spread_s=self.size[0])
         share = self.size[0]
-        at = table.smoothed(known.spread_s)
+        at = table.smoothed(self.spread_s)
         late_s = np.arange(mean_s, LONGEST_S, self.period_s)
         cells = np.rint(late_s / STEP_S).astype(int)
         weight = (1.0 - share) * share ** np.arange(late_s.size) * at[:, cells]
         weight[np.arange(late_s.size) >= table.repeats[:, None]] = 0.0
         gone = share**table.repeats * table.never > weight.max(axis=1)
         delay_s = late_s[np.argmax(weight, axis=1)]
-        return replace(found, delay_s=delay_s, lost=gone, mean_s=mean_s, spread_s=known.spread_s)
+        return replace(found, delay_s=delay_s, lost=gone, mean_s=mean_s, spread_s=self.spread_s)
 
 
 def known_state(before: LinkDelays | None, interval_s: float) -> LinkState:
@@ -94,13 +98,13 @@ def known_state(before: LinkDelays | None, interval_s: float) -> LinkState:
     """
     least_s = _ROUNDING * interval_s
     if before is None or len(before.likelihood) < FEWEST:
-        return LinkState(least_s)
+        return LinkState(least_s, least_spread_s=least_s)
     table = _Table.of(before, before.likelihood, _PERIODS_S[0])
     spread = max(_SPREADS_S, key=lambda one: float(table.total(one, 0.0).max()))
     period = _likeliest_period([table], LinkState(spread))
     shares = replace(table, period_s=period)
     share = max(_SHARES, key=lambda one: float(shares.total(spread, one).max()))
-    return LinkState(max(spread, least_s), share)
+    return LinkState(max(spread, least_s), share, spread)
 
 
 def link_fault(
@@ -119,11 +123,17 @@ def link_fault(
     tables = [_Table.of(found, one, _PERIODS_S[0]) for one in (found.likelihood, found.untrended)]
     period = _likeliest_period(tables, known)
     tables = [replace(table, period_s=period) for table in tables]
-    by_kind = {kind: min(_evidence(table, kind, known) for table in tables) for kind in ("jitter", "loss")}
-    kind: Kind = "loss" if by_kind["loss"] >= by_kind["jitter"] else "jitter"
-    if by_kind[kind] < EVIDENCE:
+    loss, jitter = (min(each(table, known) for table in tables) for each in (_of_loss, _of_jitter))
+    kind: Kind = "loss" if loss >= jitter else "jitter"
+    proof, table = max(loss, jitter), tables[0]
+    if proof < EVIDENCE or (kind == "loss" and _goes_with_size(table, found.changes, known)):
         return None
-    table, places = tables[0], _places(kind, known)
+    if kind == "loss":
+        spread_s = max(_spreads(known), key=lambda one: _most(table, [one], _shares(known)))
+        places = [(spread_s, share) for share in _shares(known)]
+    else:
+        spread_s = known.spread_s
+        places = [(spread, known.share) for spread in _larger(known.spread_s)]
     totals = np.array([table.total(*place).max() for place in places])
     sizes = np.array([place[0] if kind == "jitter" else place[1] for place in places])
     size = _interval(sizes, totals, level)
@@ -141,7 +151,7 @@ def link_fault(
             size[0] / math.sqrt(own.size), known.spread_s
         )
         delay = float(own.mean()), max(0.0, float(own.mean()) - half), float(own.mean()) + half
-    return LinkFault(kind, by_kind[kind], delay, size, period, frequency)
+    return LinkFault(kind, proof, delay, size, period, frequency, spread_s)
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,13 +221,61 @@ class _Table:
         return np.asarray(self.each(spread_s, share).sum(axis=0))
 
 
-def _places(kind: Kind, known: LinkState) -> list[tuple[float, float]]:
-    """Return the spreads and shares that a fault may have, the known ones first."""
-    if kind == "jitter":
-        larger = [spread for spread in _SPREADS_S if spread > known.spread_s]
-        return [(spread, known.share) for spread in (known.spread_s, *larger)]
-    more = [share for share in _SHARES if share > known.share]
-    return [(known.spread_s, share) for share in (known.share, *more)]
+def _larger(spread_s: float) -> list[float]:
+    return [spread_s, *(spread for spread in _SPREADS_S if spread > spread_s)]
+
+
+def _spreads(known: LinkState) -> list[float]:
+    """Return the spreads that the delays may have beside a loss: no more than is known of the link."""
+    between = [one for one in _SPREADS_S if known.least_spread_s < one < known.spread_s]
+    return [known.least_spread_s, *between, known.spread_s]
+
+
+def _shares(known: LinkState) -> list[float]:
+    return [known.share, *(share for share in _SHARES if share > known.share)]
+
+
+def _most(table: _Table, spreads_s: Sequence[float], shares: Sequence[float]) -> float:
+    """Return the largest logarithm of the likelihood of all changes with some spreads and shares."""
+    return max(float(table.total(spread, share).max()) for spread in spreads_s for share in shares)
+
+
+def _as_known(table: _Table, known: LinkState) -> float:
+    return _most(table, _spreads(known), [known.share])
+
+
+def _of_jitter(table: _Table, known: LinkState) -> float:
+    """Return the evidence for a larger spread than the known one."""
+    larger = _most(table, _larger(known.spread_s), [known.share])
+    return 2.0 * (larger - _as_known(table, known)) - math.log(len(table.offset))
+
+
+def _of_loss(table: _Table, known: LinkState) -> float:
+    """Return the evidence for a larger loss than the known one."""
+    larger = _most(table, _spreads(known), _shares(known))
+    # The period of a loss is one more number that was estimated.
+    return 2.0 * (larger - _as_known(table, known)) - 2.0 * math.log(len(table.offset))
+
+
+def _goes_with_size(table: _Table, changes: Sequence[Change], known: LinkState) -> bool:
+    """Return whether only changes to small speeds are lost, as far as the likelihood tells.
+
+    A wheel that sticks does not start for a small command, and a drive with a dead zone ignores it, now and
+    then or every time. Such a size is one more number that was estimated. Both do stop.
+    """
+    shares = _shares(known)
+    spread_s = max(_spreads(known), key=lambda one: _most(table, [one], shares))
+    best = max(shares, key=lambda share: float(table.total(spread_s, share).max()))
+    place = _best(table, (spread_s, best))
+    each = np.array([table.each(spread_s, share)[:, place] for share in shares])
+    size = np.array([abs(change.after_rpm) for change in changes])
+    size = np.where(size > 0.0, size, size.max() + 1.0)
+    order = np.argsort(size, kind="stable")
+    # So many of the smallest may be lost; equal ones together.
+    ends = np.append(np.flatnonzero(np.diff(size[order]) > 0.0) + 1, size.size)
+    among = np.cumsum((each - each[0])[:, order], axis=1)[:, ends - 1]
+    whole = (each - each[0]).sum(axis=1)
+    return bool(2.0 * (among.max() - whole.max()) > math.log(len(changes)))
 
 
 def _best(table: _Table, place: tuple[float, float]) -> int:
@@ -234,14 +292,6 @@ def _likeliest_period(tables: Sequence[_Table], known: LinkState) -> float:
         return min(best)
 
     return max(_PERIODS_S, key=worth)
-
-
-def _evidence(table: _Table, kind: str, known: LinkState) -> float:
-    places = _places("jitter" if kind == "jitter" else "loss", known)
-    totals = [float(table.total(*place).max()) for place in places]
-    # The period of a loss is one more number that was estimated.
-    price = (2.0 if kind == "loss" else 1.0) * math.log(len(table.offset))
-    return 2.0 * (max(totals) - totals[0]) - price
 
 
 def _interval(values: FloatArray, totals: FloatArray, level: float) -> tuple[float, float, float]:

@@ -1,6 +1,7 @@
 """How wrong a model may be without a gap: its own error, its uncertain parameters, and whitening by them."""
 
 from sysid.compare.model_error.adopted import as_fitted, covariance_of, with_adopted
+from sysid.compare.model_error.known_error import without_known_error
 from sysid.compare.model_error.learned import Learned, learn
 from sysid.compare.model_error.nuisance import plausible_models, shape_columns
 from sysid.compare.model_error.own_error import block_residuals, with_own_error
@@ -26,4 +27,5 @@ __all__ = [
     "shape_columns",
     "with_adopted",
     "with_own_error",
+    "without_known_error",
 ]

@@ -161,7 +161,7 @@ def _is_nearly_all(facts: Facts) -> bool:
         return False
     share = THRESHOLDS.adequate_residual**2 / len(facts.chosen.names)
     rivals = [facts.free.score] + ([facts.law.score] if facts.law else [])
-    alone = min(rivals) > facts.chosen.score + THRESHOLDS.tie_sigmas**2
+    alone = min(rivals) > facts.chosen.score - THRESHOLDS.tie_sigmas**2
     return alone and facts.removed >= 1.0 / (1.0 + share)
 
 

@@ -32,7 +32,9 @@ from sysid.compare.links import (
     LOSS,
     AlignedLogs,
     LinkClock,
+    LinkDelays,
     LinkFault,
+    LinkState,
     known_state,
     link_delays,
     link_fault,
@@ -109,46 +111,88 @@ def _is_asked(options: GapOptions) -> bool:
 def _found(
     dataset: Dataset, model: Model, options: GapOptions, report: GapReport, best: Model
 ) -> _Found | None:
-    clock = LinkClock.of(model)
-    interval = float(np.median([run.median_interval_s for run in dataset.runs]))
-    fitted_on = options.fitted_on
-    given, dataset = dataset, _beside_own_error(model, dataset, fitted_on)
-    own = link_delays(model, dataset.runs, clock)
-    before = None if fitted_on is None else link_delays(model, _beside_own_error(model, fitted_on, fitted_on).runs, clock)
-    known = known_state(before, interval)
-    rng = np.random.default_rng(options.seed)
-    fault = link_fault(own, known, THRESHOLDS.interval_level, rng)
-    if fault is None:
+    moved = _moved(dataset, model, options)
+    if moved is None:
         return None
-    sure = fault.delays(own)
-    # Of a jitter the mean belongs to it; beside a loss another delay is for the study to find.
-    sure = replace(sure, mean_s=clock.delay_s) if fault.kind == "jitter" else sure
-    logs = AlignedLogs.of(dataset, model, clock, sure)
-    before_squares, after_squares = _squares(dataset, model), _squares(logs.dataset, logs.model)
+    fault, seen = moved.fault, moved.seen
+    before_squares, after_squares = _squares(seen, model), moved.squares
     noise = (report.gap.noise_floor or 0.0) ** 2
     removed, left = before_squares - after_squares, max(0.0, after_squares - noise)
     if removed <= _LEAST_REMOVED * max(before_squares - noise, 0.0):
         return None
-    best_squares = _squares(dataset, best) if best is not model else math.inf
-    if report.verdict in ("named", "ambiguous") and best_squares < after_squares:
-        # A slow answer looks like a late one: effects that leave less need no fault beside them.
-        return None
-    if best is not model and best_squares - after_squares <= _LEAST_REMOVED * best_squares:
-        # Neither leaves far less than the other: then the changes must be late beside the effects, too.
-        beside = link_fault(link_delays(best, dataset.runs, clock), known, THRESHOLDS.interval_level, rng)
-        if beside is None or beside.kind != fault.kind:
+    if best is not model:
+        best_squares = _squares(seen, best)
+        if report.verdict in ("named", "ambiguous") and best_squares < after_squares:
+            # A slow answer looks like a late one: effects that leave less need no fault beside them.
             return None
+        if best_squares - after_squares <= _LEAST_REMOVED * best_squares:
+            # Neither leaves far less than the other: then the changes must be late beside the effects, too.
+            beside = moved.fault_of(best, options.seed)
+            if beside is None or beside.kind != fault.kind:
+                return None
+    logs = AlignedLogs.of(dataset, model, moved.clock, moved.delays)
+    fitted_on = options.fitted_on
     if fitted_on is not None:
-        fitted_on = logs.beside(fitted_on, before)
-    logs = AlignedLogs.of(given, model, clock, sure)
+        fitted_on = logs.beside(fitted_on, moved.before)
     return _Found(fault, logs, fitted_on, left <= THRESHOLDS.adequate_residual**2 * removed)
 
 
-def _beside_own_error(model: Model, dataset: Dataset, fitted_on: Dataset | None) -> Dataset:
+@dataclass(frozen=True, eq=False)
+class _Moved:
+    """A fault that the delays of single changes show, and what moving the changes leaves."""
+
+    seen: Dataset
+    """The logs in which the delays were found."""
+    clock: LinkClock
+    before: LinkDelays | None
+    """Delays of the logs of the fit, if these are known."""
+    known: LinkState
+    fault: LinkFault
+    delays: LinkDelays
+    squares: float
+    """Mean squared error with the changes where they acted."""
+
+    @classmethod
+    def of(
+        cls, seen: Dataset, of_fit: Dataset | None, model: Model, clock: LinkClock, seed: int
+    ) -> _Moved | None:
+        """Return the fault that the delays in some logs show beyond those of the fit's; None without."""
+        before = None if of_fit is None else link_delays(model, of_fit.runs, clock)
+        known = known_state(before, float(np.median([run.median_interval_s for run in seen.runs])))
+        found = link_delays(model, seen.runs, clock)
+        fault = link_fault(found, known, THRESHOLDS.interval_level, np.random.default_rng(seed))
+        if fault is None:
+            return None
+        delays = fault.delays(found)
+        if fault.kind == "jitter":
+            # Its mean belongs to it; beside a loss another delay is for the study to find.
+            delays = replace(delays, mean_s=clock.delay_s)
+        logs = AlignedLogs.of(seen, model, clock, delays)
+        return cls(seen, clock, before, known, fault, delays, _squares(logs.dataset, logs.model))
+
+    def fault_of(self, model: Model, seed: int) -> LinkFault | None:
+        """Return the fault that the logs show under another model."""
+        found = link_delays(model, self.seen.runs, self.clock)
+        return link_fault(found, self.known, THRESHOLDS.interval_level, np.random.default_rng(seed))
+
+
+def _moved(dataset: Dataset, model: Model, options: GapOptions) -> _Moved | None:
+    """Return the fault that some logs show as they are, or less what the model errs by in the same commands.
+
+    The model's own error may hide a fault. But it comes with the changes, so that it is taken off at the
+    wrong time where these are late: what leaves less is taken.
+    """
+    clock, of_fit = LinkClock.of(model), options.fitted_on
+    views: list[tuple[Dataset, Dataset | None]] = [(dataset, of_fit)]
+    if of_fit is not None and of_fit.level == "bench":
+        views.append((_less_own_error(model, dataset, of_fit), _less_own_error(model, of_fit, of_fit)))
+    found = [_Moved.of(seen, fit, model, clock, options.seed) for seen, fit in views]
+    return min((one for one in found if one is not None), key=lambda one: one.squares, default=None)
+
+
+def _less_own_error(model: Model, dataset: Dataset, of_fit: Dataset) -> Dataset:
     """Return the logs less what the model errs by in the same commands of the logs of its fit."""
-    if fitted_on is None or fitted_on.level != "bench":
-        return dataset
-    return replace(dataset, runs=without_known_error(model, dataset.runs, fitted_on.runs))
+    return replace(dataset, runs=without_known_error(model, dataset.runs, of_fit.runs))
 
 
 def _squares(dataset: Dataset, model: Model) -> float:

@@ -22,20 +22,24 @@ DELAY_S, JITTER_S, SHARE = 0.1, 0.04, 0.25
 SEEDS = (1, pytest.param(2, marks=pytest.mark.slow))
 
 
-def logs(kind: str, seed: int) -> Dataset:
-    """Return runs of steps through a steady link, or one that jitters or loses commands."""
+def logs(kind: str, seed: int, commands: int | None = None, share: float = SHARE) -> Dataset:
+    """Return runs of steps through a steady link, or one that jitters or loses a share of the commands.
+
+    Logs with the same seed of the `commands` repeat each other.
+    """
     model: Model = paper_model()
     fine = replace(model, wheel=replace(model.wheel, command_period_s=1.0 / 240.0))
     rng, runs = np.random.default_rng(seed), []
     for index in range(8):
         time = np.arange(0.0, 6.0, 0.02)
         given = np.arange(0.5, 5.5, 1.0)
-        levels = np.append(0.0, rng.choice([-1, 1], given.size) * rng.integers(30, 110, given.size))
+        drawn = rng if commands is None else np.random.default_rng((commands, index))
+        levels = np.append(0.0, drawn.choice([-1, 1], given.size) * drawn.integers(30, 110, given.size))
         late = np.zeros(given.size)
         if kind == "jitter":
             late = DELAY_S + JITTER_S * rng.uniform(-1.0, 1.0, given.size) * np.sqrt(3.0)
         if kind == "loss":
-            late = PERIOD_S * (rng.geometric(1.0 - SHARE, given.size) - 1)
+            late = PERIOD_S * (rng.geometric(1.0 - share, given.size) - 1)
         clock, true = bench_motion(fine, np.append(0.0, given + late), levels, float(time[-1]))
         speed = np.interp(time, clock, true) + 0.3 * rng.standard_normal(time.size)
         command = levels[np.searchsorted(given, time + 1e-9, side="right")]
@@ -73,16 +77,30 @@ def test_a_loss_is_not_named_where_the_best_set_needs_none(monkeypatch: pytest.M
     dataset, steady, model = logs("loss", 1), logs("steady", 1), paper_model()
     best = model.with_effect("viscous_friction", damping_n_m_s_rad=0.1)
 
+    left = {"best": 5.0}
+
     def delays(under: Model, runs: tuple[Run, ...], clock: LinkClock) -> LinkDelays:
         return link_delays(under, steady.runs if under is best else runs, clock)
 
-    def not_asked(*_: object) -> GapReport:
-        pytest.fail("the logs were studied with the changes where they acted")
+    def squares(_dataset: Dataset, under: Model) -> float:
+        return 100.0 if under is model else left["best"] if under is best else 4.0
 
     options = replace(QUIET, fitted_on=logs("steady", 9))
     nothing = replace(analyse(steady, model, options), verdict="no_gap")
     monkeypatch.setattr(link_faults, "link_delays", delays)
-    assert with_link_fault(dataset, model, options, nothing, best, not_asked) is nothing
+    monkeypatch.setattr(link_faults, "_squares", squares)
+    studied: list[Model] = []
+
+    def again(_dataset: Dataset, base: Model, _options: GapOptions) -> GapReport:
+        studied.append(base)
+        return nothing
+
+    assert with_link_fault(dataset, model, options, nothing, best, again) is nothing
+    assert not studied
+    # A set that leaves far more than the moved changes do says nothing against the fault.
+    left["best"] = 50.0
+    with_link_fault(dataset, model, options, nothing, best, again)
+    assert studied
 
 
 def test_a_fault_is_not_named_beside_effects_that_leave_less_than_it_does(
@@ -111,6 +129,15 @@ def test_a_fault_is_not_named_beside_effects_that_leave_less_than_it_does(
     left["best"] = 9.0
     with_link_fault(dataset, model, options, named, best, again)
     assert studied
+
+
+def test_a_few_lost_commands_show_beside_a_larger_error_of_the_model() -> None:
+    """What the logs of the fit show in the same commands is the model's, not a delay of single changes."""
+    model = paper_model().with_effect("speed_gain", gain=0.7)
+    before = logs("steady", 9, commands=7)
+    same = replace(before, runs=before.runs + logs("steady", 8, commands=7).runs)
+    report = analyse(logs("loss", 1, commands=7, share=0.1), model, replace(QUIET, fitted_on=same))
+    assert "command_loss" in [found.name for found in report.effects]
 
 
 def test_a_model_that_loses_commands_is_compared_with_the_changes_where_they_acted() -> None:

@@ -2,7 +2,7 @@
 
 from sysid.compare.links.aligned_logs import AlignedLogs
 from sysid.compare.links.delays import LinkClock, LinkDelays, link_delays
-from sysid.compare.links.faults import LinkFault, known_state, link_fault
+from sysid.compare.links.faults import LinkFault, LinkState, known_state, link_fault
 from sysid.compare.links.in_model import JITTER, LOSS
 
 __all__ = [
@@ -12,6 +12,7 @@ __all__ = [
     "LinkClock",
     "LinkDelays",
     "LinkFault",
+    "LinkState",
     "known_state",
     "link_delays",
     "link_fault",

@@ -23,14 +23,17 @@ import numpy as np
 from scipy.stats import chi2, norm
 
 from mecanum_env.units import FloatArray
-from sysid.compare.links.changes import GRID_S, LONGEST_S, STEP_S
+from sysid.compare.links.changes import GRID_S, LONGEST_S, STEP_S, Change
 from sysid.compare.links.common_delay import EVIDENCE, FEWEST, student_weights
 from sysid.compare.links.delays import LinkDelays
+from sysid.compare.measured import COMMAND_STEP_RPM
 
 Kind = Literal["jitter", "loss"]
 _SPREADS_S: Final[tuple[float, ...]] = (0.0, *np.geomspace(0.001, 0.25, 36).tolist())
 _SHARES: Final[tuple[float, ...]] = (0.0, *np.geomspace(0.0005, 0.5, 32).tolist())
 _PERIODS_S: Final[tuple[float, ...]] = tuple(np.geomspace(0.01, 0.2, 22).tolist())
+_FINER: Final[tuple[float, ...]] = tuple(np.linspace(0.88, 1.12, 13).tolist())
+"""Multiples of the best period at which it is looked for again: several lost in a row show it to 2 %."""
 _SCALE: Final = 0.83
 """Scale of that distribution which fits normal delays best, in their standard deviations; for uniform ones it
 is 0.91."""
@@ -126,7 +129,7 @@ def link_fault(
     loss, jitter = (min(each(table, known) for table in tables) for each in (_of_loss, _of_jitter))
     kind: Kind = "loss" if loss >= jitter else "jitter"
     proof, table = max(loss, jitter), tables[0]
-    if proof < EVIDENCE or (kind == "loss" and _goes_with_size(table, found.changes, known)):
+    if proof < EVIDENCE or (kind == "loss" and _only_small_starts(table, found.changes, known)):
         return None
     if kind == "loss":
         spread_s = max(_spreads(known), key=lambda one: _most(table, [one], _shares(known)))
@@ -252,30 +255,34 @@ def _of_jitter(table: _Table, known: LinkState) -> float:
 
 def _of_loss(table: _Table, known: LinkState) -> float:
     """Return the evidence for a larger loss than the known one."""
-    larger = _most(table, _spreads(known), _shares(known))
+    known_share, *shares = _shares(known)
+    # Every third of them is close enough to the best one.
+    larger = _most(table, _spreads(known), [known_share, *shares[::3]])
     # The period of a loss is one more number that was estimated.
     return 2.0 * (larger - _as_known(table, known)) - 2.0 * math.log(len(table.offset))
 
 
-def _goes_with_size(table: _Table, changes: Sequence[Change], known: LinkState) -> bool:
-    """Return whether only changes to small speeds are lost, as far as the likelihood tells.
+def _only_small_starts(table: _Table, changes: Sequence[Change], known: LinkState) -> bool:
+    """Return whether only small commands to a wheel at rest are lost, as far as the likelihood tells.
 
     A wheel that sticks does not start for a small command, and a drive with a dead zone ignores it, now and
-    then or every time. Such a size is one more number that was estimated. Both do stop.
+    then or every time. The size up to which they do so is one more number that was estimated.
     """
     shares = _shares(known)
     spread_s = max(_spreads(known), key=lambda one: _most(table, [one], shares))
     best = max(shares, key=lambda share: float(table.total(spread_s, share).max()))
     place = _best(table, (spread_s, best))
     each = np.array([table.each(spread_s, share)[:, place] for share in shares])
-    size = np.array([abs(change.after_rpm) for change in changes])
-    size = np.where(size > 0.0, size, size.max() + 1.0)
+    gains = each - each[0]
+    starts = [i for i, one in enumerate(changes) if abs(one.before_rpm) <= COMMAND_STEP_RPM]
+    if not starts:
+        return False
+    size = np.array([abs(changes[i].after_rpm) for i in starts])
     order = np.argsort(size, kind="stable")
     # So many of the smallest may be lost; equal ones together.
     ends = np.append(np.flatnonzero(np.diff(size[order]) > 0.0) + 1, size.size)
-    among = np.cumsum((each - each[0])[:, order], axis=1)[:, ends - 1]
-    whole = (each - each[0]).sum(axis=1)
-    return bool(2.0 * (among.max() - whole.max()) > math.log(len(changes)))
+    among = np.cumsum(gains[:, starts][:, order], axis=1)[:, ends - 1]
+    return bool(2.0 * (among.max() - gains.sum(axis=1).max()) > math.log(len(changes)))
 
 
 def _best(table: _Table, place: tuple[float, float]) -> int:
@@ -291,7 +298,8 @@ def _likeliest_period(tables: Sequence[_Table], known: LinkState) -> float:
         best = [max(float(one.total(known.spread_s, share).max()) for share in shares) for one in moved]
         return min(best)
 
-    return max(_PERIODS_S, key=worth)
+    coarse = max(_PERIODS_S, key=worth)
+    return max((coarse * multiple for multiple in _FINER), key=worth)
 
 
 def _interval(values: FloatArray, totals: FloatArray, level: float) -> tuple[float, float, float]:

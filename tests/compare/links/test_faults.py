@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -13,12 +16,23 @@ SURE_S = 0.004
 KNOWN = known_state(None, 0.01)
 
 
-def seen(delay_s: FloatArray, hold_s: float = 1.0) -> LinkDelays:
-    """Return changes, `hold_s` apart, of which the logs show each delay to within 4 ms."""
+def seen(
+    delay_s: FloatArray, hold_s: float = 1.0, to_rpm: FloatArray | None = None, lost: Sequence[int] = ()
+) -> LinkDelays:
+    """Return changes, `hold_s` apart, of which the logs show each delay to within 4 ms.
+
+    They go to 10 rpm or `to_rpm`; those that are `lost` never act.
+    """
+    to = np.full(delay_s.size, 10.0) if to_rpm is None else to_rpm
     likelihood = -0.5 * ((GRID_S - delay_s[:, None]) / SURE_S) ** 2
-    changes = tuple(Change(0, hold_s * i, 0.0, 10.0) for i in range(delay_s.size))
+    changes = tuple(
+        Change(0, hold_s * i, before, after)
+        for i, (before, after) in enumerate(pairwise([0.0, *to.tolist()]))
+    )
     zero, none = np.zeros(delay_s.size), np.zeros(delay_s.size, bool)
     never = np.full(delay_s.size, -200.0)
+    likelihood[list(lost)] -= 200.0
+    never[list(lost)] = 0.0
     return LinkDelays(changes, zero, none, (), 0.05, 0.0, 0.0, likelihood, never, likelihood)
 
 
@@ -72,4 +86,15 @@ def test_changes_are_moved_by_whole_periods_where_commands_are_lost() -> None:
     found = measured(3, true)
     fault = link_fault(found, KNOWN, 0.9, np.random.default_rng(0))
     assert fault is not None
-    np.testing.assert_allclose(fault.delays(found, KNOWN).delay_s, true, atol=0.025)
+    np.testing.assert_allclose(fault.delays(found).delay_s, true, atol=0.025)
+
+
+def test_starts_to_small_speeds_that_are_ignored_are_no_lost_commands() -> None:
+    """A wheel that sticks does so. Where other changes are lost, too, it is the link."""
+    to = np.tile([8.0, 60.0, 0.0, 12.0, 90.0, 0.0], 4)
+    starts = np.flatnonzero((to > 0.0) & (to < 20.0)).tolist()
+    rng, on_time = np.random.default_rng(0), np.zeros(to.size)
+    assert link_fault(seen(on_time, to_rpm=to, lost=starts), KNOWN, 0.9, rng) is None
+    fault = link_fault(seen(on_time, to_rpm=to, lost=[0, 2, 4, 9, 13, 17]), KNOWN, 0.9, rng)
+    assert fault is not None
+    assert fault.kind == "loss"

@@ -24,6 +24,7 @@ from sysid.compare.least_squares import Fitted, ResidualProblem, fit
 from sysid.compare.search_space import EffectSet, RefittedLaw
 from sysid.gap.result import Verdict
 from sysid.gap.search.chance import Floor, chance_gains, complete, enough, misfit, odd_run
+from sysid.gap.search.consequences import without_consequences
 from sysid.gap.search.free_term import free_term
 from sysid.gap.search.further import needed, residue, visible
 from sysid.gap.search.plain_squares import noise_ratio, plainly_larger, removed, removed_of_all
@@ -80,7 +81,7 @@ def decide(search: Search, floor: Floor, max_effects: int, rng: np.random.Genera
         chosen=facts.tied[0] if found else None,
         candidates=facts.tied if found else (),
         facts=facts,
-        notes=(*outcome.reasons, *notes),
+        notes=(*outcome.reasons, *(facts.consequences if found else ()), *notes),
     )
 
 
@@ -116,10 +117,12 @@ def collect(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
     )
     chosen = as_good[0] if as_good else chosen
     as_good = with_fewer(search, floor, as_good, judged, inflation)
+    as_good, consequences = without_consequences(problem.base, base.cost, as_good, judged)
     return replace(
         facts,
         chosen=chosen,
         tied=as_good,
+        consequences=consequences,
         free=rival,
         allowed=THRESHOLDS.free_sigmas**2
         + _formula_residue(search, chosen.fitted, THRESHOLDS.formula_error) / inflation,

@@ -40,6 +40,8 @@ class Facts:
     """All sets that were fitted, the empty one too; best score first."""
     tied: tuple[ScoredSet, ...] = ()
     """Sets that explain the logs as well as the chosen one, which comes first."""
+    consequences: tuple[str, ...] = ()
+    """Notes about limits in these sets that may be what their loads do to the drive."""
     law: ScoredSet | None = None
     """The wheel law fitted again, if that was tried."""
     law_allowed: float = THRESHOLDS.tie_sigmas**2

@@ -51,10 +51,10 @@ def without_consequences(
 
 
 def _is_lower(base: Model, one: ScoredSet, name: str) -> bool:
-    """Return whether a set has this effect, and it is a limit below that of the base model, if that has one."""
+    """Return whether a set has this effect, and it is a limit below that of the base model, if any."""
     parameter = _LIMITS.get(cause_of(name))
     if parameter is None:
         return False
-    after = one.fitted.candidate.model(base, one.fitted.place).effects[name][parameter]
+    after = one.fitted.candidate.model(base, one.fitted.place).effects[name].get(parameter, math.inf)
     before = [v.get(parameter, math.inf) for n, v in base.effects.items() if cause_of(n) == cause_of(name)]
     return bool(after < min(before, default=math.inf))

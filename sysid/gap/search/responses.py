@@ -39,6 +39,9 @@ _MOST_FREQUENCIES: Final = 2
 _CLEARLY_MORE: Final = 0.25
 """Share of a gain that a sum of responses must promise beyond it where they do not add up, as those of two
 limits do not, either of which may hide the other. Assumed."""
+_MOST_STARTS: Final = 2
+"""Sizes at which an effect was simulated from which a fit on the bench starts, too: from where the screening
+expects the best fit, a descent to a large threshold may end higher than without it (bench seed 867)."""
 _LEAST_RESPONSE: Final = 0.3
 """Length of a response (in noise sigmas, over all samples) below which a parameter is not fitted."""
 
@@ -176,6 +179,8 @@ class Growth:
     """The smaller set."""
     expected: float
     """Cost that linear least squares expects."""
+    elsewhere: tuple[FloatArray, ...] = ()
+    """Other places to start from: sizes at which the effect was simulated, those with the lowest cost."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -207,11 +212,14 @@ def growths(
     best: dict[tuple[str, ...], Growth] = {}
     for name in dict.fromkeys(r.effect for r in library if r.effect not in parent.names):
         clear = [r for r in library if r.effect == name and r.length > _LEAST_RESPONSE]
+        sizes = _best_sizes(parent, clear)
         for together in _alternatives(clear, rest, orthogonal):
             expected, shares = _linear(together, rest, orthogonal)
             candidate = joined(parent.candidate, _free(base, name, clear, together, scale))
             place = _place(candidate, parent, _moved(together, shares))
-            growth = Growth(candidate, place, parent, expected)
+            shown = [moved for moved in sizes if moved.keys() <= set(candidate.coordinates)]
+            elsewhere = tuple(_place(candidate, parent, moved) for moved in shown)
+            growth = Growth(candidate, place, parent, expected, elsewhere)
             limit = best[growth.names].expected if growth.names in best else math.inf
             if wary and limit < math.inf and len(together) > 1 and not all(r.linear for r in together):
                 limit -= _CLEARLY_MORE * (float(rest @ rest) - limit)
@@ -245,6 +253,13 @@ def _alternatives(
     adds_up = not any(CATALOGUE[response.effect].follows_angle for response in own)
     if len(best) + len(linear) > 1 and best and adds_up:
         yield [response for _, response in best.values()] + linear
+
+
+def _best_sizes(parent: Fitted[EffectSet], own: Sequence[Response]) -> list[dict[Coordinate, float]]:
+    """Return where one effect was simulated that is not proportional to its size, the lowest costs first."""
+    at = [response for response in own if not response.linear]
+    at.sort(key=lambda response: float(np.sum((parent.residual + response.change) ** 2)))
+    return [dict(zip(r.chosen.coordinates, r.place.tolist(), strict=True)) for r in at[:_MOST_STARTS]]
 
 
 def _linear(

@@ -13,6 +13,7 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import Model
@@ -23,6 +24,8 @@ PHASE: Final = "phase_deg"
 _PHASES_DEG: Final = (0.0, 120.0, 240.0)
 """Three phases give mean, sine and cosine of a response, free of its second harmonic in the mean."""
 _VARIANCE: Final = 0.5
+_LONGEST_PERIOD_S: Final = 0.5
+"""Longest time over which the wheel's angle is averaged [s]: slower ripples turn by little in it. Assumed."""
 _ANGLES: Final = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)
 _CIRCLE: Final = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)])
 FREQUENCIES: Final = tuple(range(1, 25))
@@ -30,33 +33,88 @@ FREQUENCIES: Final = tuple(range(1, 25))
 
 
 def with_unknown_phases(
-    residual_of: Callable[[Model], FloatArray | None],
+    predictions_of: Callable[[Model], Sequence[FloatArray] | None],
+    whiten: Callable[[Sequence[FloatArray]], FloatArray],
+    measured: FloatArray,
     model: Model,
     blocks: Sequence[Block],
     rows: Sequence[slice],
 ) -> FloatArray | None:
     """Return the whitened residual (N,) of a model whose phases are unknown in each of the `blocks`.
 
-    `residual_of` returns that of a model with its phases as they are, None if it cannot be simulated; `rows`
-    are those of each block. The square of the result is minus twice the logarithm of the likelihood, up to a
-    constant: what the unknown phases cost is spread over the residual as a factor.
+    The square of the result is minus twice the logarithm of the likelihood, up to a constant: what the
+    unknown phases cost is spread over the residual as a factor.
+
+    Args:
+        predictions_of: the prediction of each block, (m,), by a model with its phases as they are; None if it
+            cannot be simulated.
+        whiten: whitens one (m,), or columns (m, p), for each block.
+        measured: what was measured, whitened, (N,).
+        model: the model.
+        blocks: what was measured.
+        rows: those of each block.
     """
     turning = [name for name in model.effects if CATALOGUE[name].follows_angle and not _neutral(model, name)]
     if not turning:
-        return residual_of(model)
-    found = [residual_of(_turned(model, turning, phase)) for phase in _PHASES_DEG]
+        alone = predictions_of(model)
+        return None if alone is None else measured - whiten(alone)
+    found = [predictions_of(_turned(model, turning, phase)) for phase in _PHASES_DEG]
     known = [one for one in found if one is not None]
     if len(known) < len(found):
         return None
     at = np.radians(_PHASES_DEG)
-    waves = 2.0 / len(at) * np.stack([np.cos(at), np.sin(at)]) @ np.stack(known)
-    result: FloatArray = np.mean(known, axis=0)
+    circle = 2.0 / len(at) * np.stack([np.cos(at), np.sin(at)])
+    of_blocks = [np.stack(parts) for parts in zip(*known, strict=True)]
+    means = [parts.mean(axis=0) for parts in of_blocks]
+    per_turn = {model.effects[name]["per_turn"] for name in turning}
+    turns = per_turn.pop() if len(per_turn) == 1 else 0.0
+    both = [(circle @ parts).T for parts in of_blocks]
+    rest, waves = measured - whiten(means), -whiten(both)
+    # Each block at its likeliest phase; the mean of repeats, which differ in theirs, without the effect.
+    likely = [
+        mean + (wave @ _likeliest(rest[part], waves[part]) if block.repeats == 1 else 0.0)
+        for block, part, mean, wave in zip(blocks, rows, means, both, strict=True)
+    ]
+    both = [
+        _at_measured_angle(block, speed, wave, turns)
+        for block, speed, wave in zip(blocks, likely, both, strict=True)
+    ]
+    result, waves = rest, -whiten(both)
     for block, part in zip(blocks, rows, strict=True):
         over = _over_one_phase if block.repeats == 1 else _over_mean_phases
-        own, deviance = over(result[part], waves[:, part].T, block.repeats)
+        own, deviance = over(result[part], waves[part], block.repeats)
         square = float(own @ own)
         result[part] = own * math.sqrt(deviance / square) if square > 0.0 else own
     return result
+
+
+def _likeliest(rest: FloatArray, waves: FloatArray) -> FloatArray:
+    """Return cosine and sine of the phase that leaves least of a residual (n,) beside waves (n, 2)."""
+    along, gram = waves.T @ rest, waves.T @ waves
+    squares = 2.0 * along @ _CIRCLE + np.sum(_CIRCLE * (gram @ _CIRCLE), axis=0)
+    return np.asarray(_CIRCLE[:, int(np.argmin(squares))])
+
+
+def _at_measured_angle(block: Block, predicted: FloatArray, waves: FloatArray, per_turn: float) -> FloatArray:
+    """Return the cosine and sine of a response, (m, 2), at the angles that the wheel has turned through.
+
+    The waves are simulated at the angles of the prediction, whose error adds up: behind a change of speed
+    that is predicted a little wrong, a ripple of several periods per turn is soon out of phase. The measured
+    speed tells the angle. Its mean over one period is taken, since the ripple itself swings the wheel, which
+    the `predicted` speed knows but roughly.
+    """
+    time_s = block.time_s
+    if not block.channel.startswith("speed_") or time_s.size < 2 or per_turn <= 0.0:
+        return waves
+    ahead = cumulative_trapezoid(block.value - predicted, time_s, initial=0.0) * RAD_S_PER_RPM
+    whole = cumulative_trapezoid(ahead, time_s, initial=0.0)
+    turns_s = per_turn * np.abs(predicted) * RAD_S_PER_RPM / (2.0 * math.pi)
+    half = 0.5 / np.maximum(turns_s, 1.0 / _LONGEST_PERIOD_S)
+    ends = np.clip(np.stack([time_s - half, time_s + half]), time_s[0], time_s[-1])
+    slow = np.diff(np.interp(ends, time_s, whole), axis=0)[0] / np.diff(ends, axis=0)[0]
+    cos, sin = np.cos(per_turn * slow), np.sin(per_turn * slow)
+    a, b = waves.T
+    return np.stack([a * cos + b * sin, b * cos - a * sin], axis=1)
 
 
 def _over_one_phase(mean: FloatArray, waves: FloatArray, _repeats: int) -> tuple[FloatArray, float]:
@@ -80,22 +138,18 @@ def _over_mean_phases(mean: FloatArray, waves: FloatArray, repeats: int) -> tupl
 
 
 def likely_frequencies(
-    residual: FloatArray,
-    predictions: Sequence[FloatArray],
-    blocks: Sequence[Block],
-    rows: Sequence[slice],
-    most: int,
+    residual: FloatArray, blocks: Sequence[Block], rows: Sequence[slice], most: int
 ) -> tuple[int, ...]:
     """Return the periods per turn, `most` of them, of which a whitened residual (N,) has most.
 
-    Each of the `blocks` has its own phase, and the `rows` of it are known. `predictions` are their speeds
-    [rpm], from which the angle follows.
+    Each of the `blocks` has its own phase, and the `rows` of it are known. The angle follows from their
+    speeds [rpm].
     """
     power = np.zeros(len(FREQUENCIES))
-    for block, part, speed in zip(blocks, rows, predictions, strict=True):
+    for block, part in zip(blocks, rows, strict=True):
         if not block.channel.startswith("speed_") or block.time_s.size < 3:
             continue
-        angle = np.cumsum(speed * RAD_S_PER_RPM * np.gradient(block.time_s))
+        angle = np.cumsum(block.value * RAD_S_PER_RPM * np.gradient(block.time_s))
         waves = np.exp(1j * np.outer(FREQUENCIES, angle))
         # The wave of a wheel at rest is a constant, which says nothing.
         waves -= waves.mean(axis=1, keepdims=True)

@@ -152,15 +152,16 @@ class ResidualProblem:
         return replace(self.base, effects=shown | slow)
 
     def _residual(self, simulator: Simulator | Averaged, model: Model) -> FloatArray | None:
-        def with_its_phases(one: Model) -> FloatArray | None:
+        def predictions_of(one: Model) -> Sequence[FloatArray] | None:
             try:
-                predictions = simulator.predictions(one)
+                return simulator.predictions(one)
             except _UNUSABLE:
                 return None
-            return self.measured - self.whitener.whiten(predictions)
 
-        rows = self.whitener.slices
-        return with_unknown_phases(with_its_phases, model, self.observations.blocks, rows)
+        blocks, whitener = self.observations.blocks, self.whitener
+        return with_unknown_phases(
+            predictions_of, whitener.whiten, self.measured, model, blocks, whitener.slices
+        )
 
     def surrogate_residual(self, model: Model) -> FloatArray | None:
         """Return the whitened residual (N,) of a model on the planar plant; on the bench that of `residual`.

@@ -25,8 +25,8 @@ _LEFT_OUT: Final = ("battery_sag", "warm_up", "torque_ripple", "load_inertia")
 whose phase differs from run to run, and what the law already is on a free wheel."""
 _LAW_ITSELF: Final = "viscous_friction"
 """Not searched either: what takes speed in proportion from a drive without integral action is a law of a
-smaller gain. Beside a free gain the two took each other back (4 of 228 drawn drives had gains of 2 to 3.5 with
-a friction that halved them again), and made a motor that is far too fast."""
+smaller gain. Beside a free gain each took the other back (4 of 228 drawn drives had gains of 2 to 3.5 and a
+friction that took them back), and made a motor that is far too fast."""
 _ANY_LAG: Final = "backlash/spring"
 """Not searched either: a wheel on a spring is a lag of almost any shape, and would stand for whatever a
 law of third order lacks. With it in the model, a study no longer sees the gap that comes later."""

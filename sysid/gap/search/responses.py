@@ -127,9 +127,8 @@ def responses(
 
 def _frequencies(problem: ResidualProblem) -> tuple[int, ...]:
     """Return the periods per turn at which an effect that follows the wheel's angle is tried."""
-    predictions = problem.simulators.full.predictions(problem.base)
     blocks, rows = problem.observations.blocks, problem.whitener.slices
-    return likely_frequencies(problem.base_residual, predictions, blocks, rows, _MOST_FREQUENCIES)
+    return likely_frequencies(problem.base_residual, blocks, rows, _MOST_FREQUENCIES)
 
 
 def _trials(

@@ -17,6 +17,7 @@ from sysid.gap.design.experiment import Design
 from sysid.gap.design.next_experiment import design_next_experiment
 from sysid.gap.inquiry import Inquiry, inquire
 from sysid.gap.link_faults import as_given, with_link_fault
+from sysid.gap.only_in_test import only_in_test
 from sysid.gap.report.held_out import (
     Channels,
     compare,
@@ -128,8 +129,9 @@ def _report(
     gap, channels = differences(dataset, comparison)
     detectable, unseen, asked = _what_is_open(dataset, options, found, considered, improved)
     unanswered = () if asked.experiment or not asked.why else (asked.why,)
+    hidden = only_in_test(dataset, model, options.fitted_on) if decision.verdict == "no_gap" else ""
     return GapReport(
-        verdict=decision.verdict,
+        verdict="unexplained" if hidden else decision.verdict,
         effects=effects,
         candidates=tuple(dict.fromkeys(judged.causes for judged in decision.candidates)),
         gap=gap,
@@ -145,7 +147,14 @@ def _report(
         level=dataset.level,
         dataset=dataset.name,
         findings=dataset.findings,
-        notes=(*options.notes, *found.data.notes, *_there_notes(found), *decision.notes, *unanswered),
+        notes=(
+            *options.notes,
+            *found.data.notes,
+            *_there_notes(found),
+            *decision.notes,
+            *unanswered,
+            *filter(None, (hidden,)),
+        ),
         overlays=overlays(comparison),
         custom=custom,
         provenance={

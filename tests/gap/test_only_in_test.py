@@ -1,0 +1,33 @@
+"""What only the test runs show, which do not decide, is no "no gap"."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from mecanum_env.model import Model
+from sysid.gap.result import GapOptions
+from sysid.gap.workflow import analyse
+from sysid.logs import Dataset
+from tests.gap.conftest import MakeLogs
+
+
+def slowed(dataset: Dataset, fewest: int) -> Dataset:
+    """Return logs of which so many test runs show a wheel that is a fifth too slow."""
+    runs, left = [], fewest
+    for run in dataset.runs:
+        if run.split == "test" and left:
+            run, left = replace(run, channels={"speed_rpm": 0.8 * run.channels["speed_rpm"]}), left - 1
+        runs.append(run)
+    return replace(dataset, runs=tuple(runs), sha256="slowed")
+
+
+def test_a_gap_in_the_test_runs_alone_is_unexplained(bench_logs: MakeLogs, base: Model) -> None:
+    options = GapOptions(next_experiment=False, fitted_on=bench_logs(base, seed=1))
+    report = analyse(slowed(bench_logs(base, seed=1), 3), base, options)
+    assert report.verdict == "unexplained"
+    assert any("test runs differ from the logs of the fit" in note for note in report.notes)
+
+
+def test_one_odd_test_run_is_no_gap(bench_logs: MakeLogs, base: Model) -> None:
+    options = GapOptions(next_experiment=False, fitted_on=bench_logs(base, seed=1))
+    assert analyse(slowed(bench_logs(base, seed=1), 1), base, options).verdict == "no_gap"

@@ -47,7 +47,7 @@ def only_in_test(dataset: Dataset, model: Model, fitted_on: Dataset | None) -> s
     if len(far) < _FEWEST:
         return ""
     return (
-        f"{len(far)} test runs differ from the logs of the fit by {rms(np.array(far)):.2g} rpm, where the runs "
-        f"that decide differ by {usual:.2g} rpm: only their commands show it; state them as fit runs in "
-        "dataset.toml, others as test runs, and study again"
+        f"{len(far)} test runs differ from the logs of the fit by {rms(np.array(far)):.2g} rpm, those that "
+        f"decide by {usual:.2g} rpm: only their commands show it; state them as fit runs in dataset.toml, "
+        "others as test runs, and study again"
     )

@@ -6,6 +6,8 @@ with integral action brings it back (`washed_out`). Both may answer late, as a r
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Final
 
@@ -26,6 +28,18 @@ def answering(drive: DriveParameters, values: Values) -> DriveParameters:
     """
     answer_s = max(drive.load.answer_s, values["answer_s"])
     return replace(drive, load=replace(drive.load, answer_s=answer_s))
+
+
+def rings(loads: Iterable[Values]) -> bool:
+    """Return whether a drive answers its loads, given by the values of each, by ringing.
+
+    Answer and wash-out make a second-order system with the damping ratio sqrt(washout_s / answer_s) / 2.
+    Below a half, its step response overshoots by more than 16 %. Of several loads the latest answer and the
+    strongest integral action count.
+    """
+    known = list(loads)
+    answer_s = max((one.get("answer_s", 0.0) for one in known), default=0.0)
+    return answer_s > min((one.get("washout_s", math.inf) for one in known), default=math.inf)
 
 
 def washed_out(model: Model, values: Values) -> Model:

@@ -157,13 +157,14 @@ def _is_nearly_all(facts: Facts) -> bool:
 
     The weights of the residual count most where noise and the model's own error are small, and no formula is
     as good as that. The plain squares are those of the error that is to be explained: of them a set may leave
-    the same share. The wheel law fitted again and a smooth function, which only a bench has, must do worse.
+    the same share. A smooth function, which only a bench has, must do worse, and the wheel law fitted again,
+    which has more numbers than an effect, no better.
     """
     if facts.chosen is None or facts.free is None or is_description(facts.chosen):
         return False
     share = THRESHOLDS.adequate_residual**2 / len(facts.chosen.names)
-    rivals = [facts.free.score] + ([facts.law.score] if facts.law else [])
-    alone = min(rivals) > facts.chosen.score - THRESHOLDS.tie_sigmas**2
+    margin, score = THRESHOLDS.tie_sigmas**2, facts.chosen.score
+    alone = facts.free.score > score + margin and (facts.law is None or facts.law.score > score - margin)
     return alone and facts.removed >= 1.0 / (1.0 + share)
 
 

@@ -16,6 +16,7 @@ from typing import Final
 import numpy as np
 
 from mecanum_env.effects import CATALOGUE
+from mecanum_env.effects.integral_action import rings
 from mecanum_env.model import cause_of
 from mecanum_env.units import FloatArray
 from sysid.compare.least_squares import (
@@ -142,33 +143,39 @@ class Search:
     def fit_best(self, candidates: Sequence[Growth], most: int) -> None:
         """Fit up to `most` different `candidates` by full simulation, those that promise enough."""
         ordered = sorted(candidates, key=lambda g: (g.expected, g.names))
-        least = self._least_promise(ordered)
         chosen: dict[tuple[str, ...], Growth] = {}
         for growth in ordered:
-            promised = self.base.cost - growth.expected
-            if promised >= least and growth.names not in self._fitted and len(chosen) < most:
+            gain, best = (self.base.cost - g.expected for g in (growth, ordered[0]))
+            promises = gain >= _WORTH_FITTING * best or self._is_always_fitted(growth)
+            if promises and growth.names not in self._fitted and len(chosen) < most:
                 chosen.setdefault(growth.names, growth)
         # The most promising one shows what the others have to reach.
         ranked = list(chosen.values())
         self._fit_hopeful(ranked[:1])
         self._fit_hopeful(ranked[1:])
 
-    def _least_promise(self, ordered: Sequence[Growth]) -> float:
-        """Return the gain that the screening must promise for a growth to be fitted; the best are first.
+    def _is_always_fitted(self, growth: Growth) -> bool:
+        """Return whether a growth is fitted whatever the screening promises: a single effect on the bench.
 
-        Single effects on the bench are all fitted: that takes a second, and a threshold between two of the
-        sizes that were screened may promise a fifth of what it gains.
+        That takes a second, and a threshold between two of the sizes that were screened may promise a fifth
+        of what it gains.
         """
-        if not ordered or (len(ordered[0].names) == 1 and not self.problem.has_surrogate):
-            return -math.inf
-        return _WORTH_FITTING * (self.base.cost - ordered[0].expected)
+        return len(growth.names) == 1 and not self.problem.has_surrogate
 
     def _fit_hopeful(self, growths: Sequence[Growth]) -> None:
         limits = [self._limit(growth.candidate.names) for growth in growths]
         pairs = [(g, limit) for g, limit in zip(growths, limits, strict=True) if self._may_reach(g, limit)]
         fits = self.problem.settings.map(self._fit, pairs)
         found = {g.names: one for (g, _), one in zip(pairs, fits, strict=True) if one is not None}
-        self._fitted |= found
+        self._fitted |= {names: one for names, one in found.items() if not self._rings(one)}
+
+    def _rings(self, fitted: Fitted[EffectSet]) -> bool:
+        """Return whether a set makes its drive ring under a load, which would pass for any swing.
+
+        A drive that damps its loads so little would ring after each change of command, too.
+        """
+        model = fitted.candidate.model(self.problem.base, fitted.place)
+        return rings(model.effects.values()) and not rings(self.problem.base.effects.values())
 
     def may_gain(self, promised: float) -> float:
         """Return the most that a set may gain from which the screening `promised` so much."""

@@ -178,8 +178,8 @@ class Growth:
     """The smaller set."""
     expected: float
     """Cost that linear least squares expects."""
-    elsewhere: tuple[FloatArray, ...] = ()
-    """Other places to start from: sizes at which the effect was simulated, those with the lowest cost."""
+    elsewhere: tuple[tuple[float, FloatArray], ...] = ()
+    """Other places to start from, each behind its cost: sizes at which the effect was simulated."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -216,8 +216,11 @@ def growths(
             expected, shares = _linear(together, rest, orthogonal)
             candidate = joined(parent.candidate, _free(base, name, clear, together, scale))
             place = _place(candidate, parent, _moved(together, shares))
-            shown = [moved for moved in sizes if moved.keys() <= set(candidate.coordinates)]
-            elsewhere = tuple(_place(candidate, parent, moved) for moved in shown)
+            elsewhere = tuple(
+                (cost, _place(candidate, parent, moved))
+                for cost, moved in sizes
+                if moved.keys() <= set(candidate.coordinates)
+            )
             growth = Growth(candidate, place, parent, expected, elsewhere)
             limit = best[growth.names].expected if growth.names in best else math.inf
             if wary and limit < math.inf and len(together) > 1 and not all(r.linear for r in together):
@@ -254,11 +257,22 @@ def _alternatives(
         yield [response for _, response in best.values()] + linear
 
 
-def _best_sizes(parent: Fitted[EffectSet], own: Sequence[Response]) -> list[dict[Coordinate, float]]:
-    """Return where one effect was simulated that is not proportional to its size, the lowest costs first."""
-    at = [response for response in own if not response.linear]
-    at.sort(key=lambda response: float(np.sum((parent.residual + response.change) ** 2)))
-    return [dict(zip(r.chosen.coordinates, r.place.tolist(), strict=True)) for r in at[:_MOST_STARTS]]
+def _best_sizes(
+    parent: Fitted[EffectSet], own: Sequence[Response]
+) -> list[tuple[float, dict[Coordinate, float]]]:
+    """Return where one effect was simulated that is not proportional to its size, the lowest costs first.
+
+    The cost is in front, and behind it where the coordinates are.
+    """
+    found = [
+        (
+            float(np.sum((parent.residual + r.change) ** 2)),
+            dict(zip(r.chosen.coordinates, r.place.tolist(), strict=True)),
+        )
+        for r in own
+        if not r.linear
+    ]
+    return sorted(found, key=lambda one: one[0])[:_MOST_STARTS]
 
 
 def _linear(

@@ -239,9 +239,10 @@ class Search:
             # A derivative promises nothing there, or a whole fit on the planar plant takes hardly longer.
             limit = math.inf
         found = fit(self.problem, growth.candidate, growth.place, limit=limit, known=known)
-        if not self.problem.has_surrogate:
-            others = (fit(self.problem, growth.candidate, place, limit=limit) for place in growth.elsewhere)
-            found = min((one for one in (found, *others) if one), key=lambda one: one.cost, default=None)
+        for cost, place in () if self.problem.has_surrogate else growth.elsewhere:
+            if found is None or cost < found.cost:
+                other = fit(self.problem, growth.candidate, place, limit=limit)
+                found = min((one for one in (found, other) if one), key=lambda one: one.cost, default=None)
         if found is None or (contains and found.cost > growth.parent.cost * (1.0 + _ROUNDING)):
             if found is not None and found.given_up:
                 return replace(found, place=growth.parent_place, residual=growth.parent.residual)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -72,63 +72,62 @@ def test_a_steady_link_is_not_named() -> None:
     assert report.verdict == "no_gap"
 
 
-def test_a_loss_is_not_named_where_the_best_set_needs_none(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The set may be too close to the model's own error for a name; the changes acted in time beside it."""
+@dataclass
+class Again:
+    """The study of the logs with their changes moved, and what the best set leaves of the squared error.
+
+    The model alone leaves 100, and moving the changes 4.
+    """
+
+    model: Model
+    best: Model
+    report: GapReport
+    left: float
+    asked: bool = False
+
+    def __call__(self, *_: object) -> GapReport:
+        self.asked = True
+        return self.report
+
+    def squares(self, _dataset: Dataset, under: Model) -> float:
+        return 100.0 if under is self.model else self.left if under is self.best else 4.0
+
+
+@pytest.mark.parametrize(("left", "is_asked"), [(5.0, False), (50.0, True)])
+def test_a_loss_is_not_named_where_the_best_set_needs_none(
+    monkeypatch: pytest.MonkeyPatch, left: float, is_asked: bool
+) -> None:
+    """The set may be too close to the model's own error for a name; the changes acted in time beside it.
+
+    A set that leaves far more than the moved changes do says nothing against the fault.
+    """
     dataset, steady, model = logs("loss", 1), logs("steady", 1), paper_model()
     best = model.with_effect("viscous_friction", damping_n_m_s_rad=0.1)
-
-    left = {"best": 5.0}
 
     def delays(under: Model, runs: tuple[Run, ...], clock: LinkClock) -> LinkDelays:
         return link_delays(under, steady.runs if under is best else runs, clock)
 
-    def squares(_dataset: Dataset, under: Model) -> float:
-        return 100.0 if under is model else left["best"] if under is best else 4.0
-
     options = replace(QUIET, fitted_on=logs("steady", 9))
-    nothing = replace(analyse(steady, model, options), verdict="no_gap")
+    again = Again(model, best, replace(analyse(steady, model, options), verdict="no_gap"), left)
     monkeypatch.setattr(link_faults, "link_delays", delays)
-    monkeypatch.setattr(link_faults, "_squares", squares)
-    studied: list[Model] = []
-
-    def again(_dataset: Dataset, base: Model, _options: GapOptions) -> GapReport:
-        studied.append(base)
-        return nothing
-
-    assert with_link_fault(dataset, model, options, nothing, best, again) is nothing
-    assert not studied
-    # A set that leaves far more than the moved changes do says nothing against the fault.
-    left["best"] = 50.0
-    with_link_fault(dataset, model, options, nothing, best, again)
-    assert studied
+    monkeypatch.setattr(link_faults, "_squares", again.squares)
+    found = with_link_fault(dataset, model, options, again.report, best, again)
+    assert again.asked is is_asked
+    assert (found is again.report) is not is_asked
 
 
+@pytest.mark.parametrize(("left", "is_asked"), [(1.0, False), (9.0, True)])
 def test_a_fault_is_not_named_beside_effects_that_leave_less_than_it_does(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, left: float, is_asked: bool
 ) -> None:
     """A slow answer looks like a late one: the delays of single changes differ under the best set, too."""
     dataset, model = logs("jitter", 1), paper_model()
     best = model.with_effect("sensor_lowpass", time_constant_s=0.01)
-    left = {"best": 1.0}
-
-    def squares(_dataset: Dataset, under: Model) -> float:
-        return 100.0 if under is model else left["best"] if under is best else 4.0
-
-    monkeypatch.setattr(link_faults, "_squares", squares)
     options = replace(QUIET, fitted_on=logs("steady", 9))
-    named = replace(analyse(logs("steady", 1), model, options), verdict="named")
-    studied: list[Model] = []
-
-    def again(_dataset: Dataset, base: Model, _options: GapOptions) -> GapReport:
-        studied.append(base)
-        return named
-
-    assert with_link_fault(dataset, model, options, named, best, again) is named
-    assert not studied
-    # Effects that leave more than the moved changes do say nothing against the fault.
-    left["best"] = 9.0
-    with_link_fault(dataset, model, options, named, best, again)
-    assert studied
+    again = Again(model, best, replace(analyse(logs("steady", 1), model, options), verdict="named"), left)
+    monkeypatch.setattr(link_faults, "_squares", again.squares)
+    with_link_fault(dataset, model, options, again.report, best, again)
+    assert again.asked is is_asked
 
 
 def test_a_few_lost_commands_show_beside_a_larger_error_of_the_model() -> None:

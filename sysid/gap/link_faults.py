@@ -186,7 +186,7 @@ def _moved(dataset: Dataset, model: Model, options: GapOptions) -> _Moved | None
     views: list[tuple[Dataset, Dataset | None]] = [(dataset, of_fit)]
     if of_fit is not None and of_fit.level == "bench":
         less = _less_own_error(model, dataset, of_fit)
-        # In other commands the error stays, and would pass for a jitter beside logs of the fit without theirs.
+        # In other commands the error stays; beside logs of the fit without theirs it would pass for a jitter.
         if all(run is not before for run, before in zip(less.runs, dataset.runs, strict=True)):
             views.append((less, _less_own_error(model, of_fit, of_fit)))
     found = [_Moved.of(seen, fit, model, clock, options.seed) for seen, fit in views]

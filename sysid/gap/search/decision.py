@@ -212,7 +212,9 @@ def _pays(search: Search, floor: Floor, size: int, by_chance: float) -> bool:
     if residual and least <= gain < _CLEARLY * least:
         smaller = scored(problem, _polished(search, floor, smaller.fitted), inflation)
         gain = (smaller.fitted.cost - larger.fitted.cost) / inflation
-    if gain < least or larger.score > smaller.score - THRESHOLDS.tie_sigmas**2:
+    # An effect that only takes back the harm that another one does on the validation runs is no finding.
+    lowest = min(scored(problem, one, inflation).score for one in search.of_size(size - 1))
+    if gain < least or larger.score > min(smaller.score, lowest) - THRESHOLDS.tie_sigmas**2:
         return False
     return not rises(problem, search.base, larger.fitted)
 

@@ -62,6 +62,17 @@ def study(new: Dataset, nominal: Dataset, base: Model) -> GapReport:
     return analyse(new, base, GapOptions(fitted_on=nominal, only=only, max_effects=2, next_experiment=False))
 
 
+def of_own_gains(logs: Dataset, seed: int) -> Dataset:
+    """Return logs in each run of which the wheel turns faster or slower by some hundredths."""
+    rng = np.random.default_rng(seed)
+
+    def run_with(run: Run) -> Run:
+        gain = 1.0 + 0.05 * rng.standard_normal()
+        return replace(run, channels={"speed_rpm": gain * run.channels["speed_rpm"]})
+
+    return replace(logs, runs=tuple(map(run_with, logs.runs)))
+
+
 def with_glitch(logs: Dataset, file: str) -> Dataset:
     """Return logs in one run of which the wheel was off for a moment."""
 
@@ -94,6 +105,26 @@ def test_a_change_far_below_the_error_of_the_model_is_named(
     assert [found.name for found in report.effects] == ["speed_gain"]
     assert abs(report.effects[0].parameters["gain"].value - 0.995) < 0.002
     assert report.effects[0].since == "new"
+
+
+def test_what_varies_from_run_to_run_hides_no_other_effect(
+    again: Dataset, nominal: Dataset, base: Model
+) -> None:
+    new, before = of_own_gains(again, seed=6), of_own_gains(nominal, seed=7)
+    problem, found = compared(new, before, base)
+    library = responses(problem, ["speed_gain", "command_latency"])
+
+    def threshold(beside: RepeatedCommands) -> float:
+        """Return what chance gains in these logs."""
+        problem = ResidualProblem(base, whitener, SimulationSettings(), None, beside)
+        own = [replace(r, change=problem.marginal(r.change)) for r in library]
+        rng = np.random.default_rng(0)
+        return chance_gains(problem, base_fit(problem, EMPTY), own, rng).threshold()
+
+    whitener = problem.whitener
+    varying = found.with_varying(whitener, [response.change for response in library])
+    assert threshold(found) > 1.2 * threshold(varying)
+    assert study(new, before, base).verdict == "no_gap"
 
 
 def test_what_a_single_run_shows_and_its_repeats_do_not_is_no_gap(

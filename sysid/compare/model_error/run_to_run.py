@@ -38,28 +38,30 @@ def run_to_run_columns(
     """Return what varies from run to run, one sigma of each: columns (N, p) of one run each.
 
     Args:
-        scatter: what repeats differ by, whitened, (N,).
+        scatter: what repeats differ by, whitened, (N, d): d independent differences.
         columns: what effects change, whitened, (N, q).
         run: number of the run, or of the mean of repeats, of each value, (N,).
         asked: numbers of the runs whose scatter is looked at: one of each command sequence.
     """
     left, moved, found = np.array(scatter), np.array(columns), []
+    differences = left.shape[1]
     every = [np.flatnonzero(run == number) for number in np.unique(run)]
     rows = [np.flatnonzero(run == number) for number in asked]
     for _ in range(_MOST):
         lengths = np.array([np.sum(moved[own] ** 2, axis=0) for own in rows])
         scores = np.array([moved[own].T @ left[own] for own in rows])
         shown = lengths > _NEGLIGIBLE**2
-        squares = np.divide(scores**2, lengths, out=np.zeros(scores.shape), where=shown)
-        by_chance = chi2.sf(squares.sum(axis=0), np.maximum(1, shown.sum(axis=0)))
+        sums = np.sum(scores**2, axis=2)
+        squares = np.divide(sums, lengths, out=np.zeros(sums.shape), where=shown)
+        by_chance = chi2.sf(squares.sum(axis=0), differences * np.maximum(1, shown.sum(axis=0)))
         best = int(np.argmin(by_chance))
         if by_chance[best] * max(1, columns.shape[1]) > _BY_CHANCE:
             break
-        sigma = _sigma(squares[:, best], lengths[:, best])
+        sigma = _sigma(squares[:, best], lengths[:, best], differences)
         if sigma == 0.0:
             break
         for own in every:
-            column = np.zeros(left.size)
+            column = np.zeros(len(left))
             column[own] = sigma * columns[own, best]
             found.append(column)
         for own, length in zip(rows, lengths[:, best], strict=True):
@@ -68,28 +70,29 @@ def run_to_run_columns(
             # Whitened by the covariance with this column as well.
             axis = moved[own, best] / np.sqrt(length)
             shrink = 1.0 / np.sqrt(1.0 + sigma**2 * length) - 1.0
-            left[own] += shrink * (axis @ left[own]) * axis
+            left[own] += shrink * np.outer(axis, axis @ left[own])
             moved[own] += shrink * np.outer(axis, axis @ moved[own])
-    return np.stack(found, axis=1) if found else np.zeros((left.size, 0))
+    return np.stack(found, axis=1) if found else np.zeros((len(left), 0))
 
 
-def _sigma(squares: FloatArray, lengths: FloatArray) -> float:
+def _sigma(squares: FloatArray, lengths: FloatArray, differences: int) -> float:
     """Return the standard deviation of a factor by maximum likelihood.
 
-    In each sequence it has a squared score over the squared length of its column (`squares`), (s,), and that
-    squared length (`lengths`).
+    In each sequence its column has a squared length (`lengths`), (s,), and the squared scores of so many
+    `differences` over that length have a sum (`squares`), (s,).
     """
     used = lengths > _NEGLIGIBLE**2
     squares, lengths = squares[used], lengths[used]
 
     def minus_log(exponent: float) -> float:
         total = 1.0 + np.exp(2.0 * exponent) * lengths
-        return float(np.sum(np.log(total) + squares / total))
+        return float(np.sum(differences * np.log(total) + squares / total))
 
     size = 0.5 * np.log(np.mean(lengths))
     least = minimize_scalar(minus_log, bounds=(-size - 5.0, -size + 10.0), method="bounded")
     if least.fun >= float(np.sum(squares)):
         return 0.0
     # A variance from n values is on average larger than the most likely one.
-    few = squares.size / max(1, squares.size - 2)
+    values = differences * squares.size
+    few = values / max(1, values - 2)
     return float(np.exp(least.x) * np.sqrt(few))

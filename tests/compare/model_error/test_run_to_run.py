@@ -19,8 +19,22 @@ def test_white_scatter_shows_no_effect_that_varies() -> None:
     for seed in range(100):
         rng = np.random.default_rng(seed)
         scatter = rng.standard_normal(SEQUENCE.size)
-        found += run_to_run_columns(scatter, effects(rng), SEQUENCE, range(SEQUENCES)).shape[1] > 0
+        found += run_to_run_columns(scatter[:, None], effects(rng), SEQUENCE, range(SEQUENCES)).shape[1] > 0
     assert found <= 5  # of 100, where each may be with a probability of .01
+
+
+def test_several_differences_of_repeats_tell_the_variance_better_than_one() -> None:
+    one, three = [], []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        columns = effects(rng)
+        size = 3.0 * rng.standard_normal((SEQUENCES, 3))
+        scatter = rng.standard_normal((SEQUENCE.size, 3)) + columns[:, 2, None] * size[SEQUENCE]
+        for count, sizes in ((1, one), (3, three)):
+            found = run_to_run_columns(scatter[:, :count], columns, SEQUENCE, range(SEQUENCES))
+            sizes.append(np.linalg.norm(found[:, :SEQUENCES]) / np.linalg.norm(columns[:, 2]))
+    assert np.std(three) < 0.8 * np.std(one)
+    assert 2.5 < np.mean(three) < 3.5
 
 
 def test_an_effect_of_another_size_in_each_sequence_is_found_with_its_variance() -> None:
@@ -28,7 +42,7 @@ def test_an_effect_of_another_size_in_each_sequence_is_found_with_its_variance()
     columns = effects(rng)
     size = 3.0 * np.array([1.0, -1.0, 1.0, 1.0, -1.0, -1.0])
     scatter = rng.standard_normal(SEQUENCE.size) + columns[:, 2] * size[SEQUENCE]
-    found = run_to_run_columns(scatter, columns, SEQUENCE, range(SEQUENCES))
+    found = run_to_run_columns(scatter[:, None], columns, SEQUENCE, range(SEQUENCES))
     assert found.shape == (SEQUENCE.size, SEQUENCES)
     for number, column in enumerate(found.T):
         own = number == SEQUENCE
@@ -44,4 +58,4 @@ def test_what_one_effect_explains_is_not_asked_of_another() -> None:
     columns = effects(rng, 2)
     columns[:, 1] = 0.9 * columns[:, 0] + 0.3 * columns[:, 1]
     scatter = rng.standard_normal(SEQUENCE.size) + 4.0 * columns[:, 0] * (-1.0) ** SEQUENCE
-    assert run_to_run_columns(scatter, columns, SEQUENCE, range(SEQUENCES)).shape[1] == SEQUENCES
+    assert run_to_run_columns(scatter[:, None], columns, SEQUENCE, range(SEQUENCES)).shape[1] == SEQUENCES

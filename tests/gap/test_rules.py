@@ -31,6 +31,7 @@ def a_set(score: float, *names: str) -> ScoredSet:
 UNKNOWN = Floor(1e4, trusted=False)
 COMPARED = Floor(1e4, trusted=True, compared=True)
 FAMILIAR = Floor(1e4, trusted=True, compared=True, familiar=True)
+CALIBRATED = Floor(1e4, trusted=True, compared=True, familiar=True, calibrated=True)
 BESIDE = Floor(1e4, trusted=True, compared=True, knows_all=True)
 RANDOM = Floor(1e4, trusted=True, repeatable=False)
 CHOSEN = a_set(-50.0, "backlash")
@@ -91,6 +92,9 @@ NAMED = Facts(
         ({"floor": FAMILIAR, "gain": 0.22, "is_plain": False, "chosen": TWO}, "named", ""),
         ({"floor": FAMILIAR, "gain": 0.45, "is_plain": False, "chosen": CURVE}, "no_gap", "by 45% only"),
         ({"floor": FAMILIAR, "gain": 0.55, "is_plain": False, "chosen": CURVE}, "named", ""),
+        ({"floor": CALIBRATED, "gain": 0.04, "is_plain": False}, "named", ""),
+        ({"floor": CALIBRATED, "gain": 0.04, "is_plain": False, "removed": 0.0}, "named", ""),
+        ({"floor": CALIBRATED, "p_value": 0.5, "gain": 0.04, "is_plain": False}, "no_gap", ""),
         ({"gain": 0.04, "is_plain": False}, "named", ""),
         ({"floor": RANDOM, "removed_of_all": 0.4}, "unexplained", "repeats of one command differ"),
         ({"floor": RANDOM, "removed_of_all": 0.6}, "named", "repeats of one command differ"),

@@ -16,6 +16,7 @@ from sysid.gap.result import GapOptions, GapReport
 from sysid.gap.search.chance import chance_gains
 from sysid.gap.search.responses import responses
 from sysid.gap.search.sets import EMPTY
+from sysid.gap.search.study_data import study_data
 from sysid.gap.workflow import analyse
 from sysid.logs import Dataset, Run
 from tests.gap.conftest import NOISE_RPM, MakeLogs
@@ -62,12 +63,12 @@ def study(new: Dataset, nominal: Dataset, base: Model) -> GapReport:
     return analyse(new, base, GapOptions(fitted_on=nominal, only=only, max_effects=2, next_experiment=False))
 
 
-def of_own_gains(logs: Dataset, seed: int) -> Dataset:
-    """Return logs in each run of which the wheel turns faster or slower by some hundredths."""
+def of_own_gains(logs: Dataset, seed: int, spread: float = 0.05) -> Dataset:
+    """Return logs in each run of which the wheel has another gain, with a standard deviation of `spread`."""
     rng = np.random.default_rng(seed)
 
     def run_with(run: Run) -> Run:
-        gain = 1.0 + 0.05 * rng.standard_normal()
+        gain = 1.0 + spread * rng.standard_normal()
         return replace(run, channels={"speed_rpm": gain * run.channels["speed_rpm"]})
 
     return replace(logs, runs=tuple(map(run_with, logs.runs)))
@@ -125,6 +126,18 @@ def test_what_varies_from_run_to_run_hides_no_other_effect(
     varying = found.with_varying(whitener, [response.change for response in library])
     assert threshold(found) > 1.2 * threshold(varying)
     assert study(new, before, base).verdict == "no_gap"
+
+
+def test_what_was_random_in_the_logs_of_the_fit_is_no_news(
+    again: Dataset, nominal: Dataset, base: Model
+) -> None:
+    new = of_own_gains(again, seed=6, spread=0.3)
+
+    def is_repeatable(before: Dataset) -> bool:
+        return study_data(new, base, GapOptions(fitted_on=before)).floor.repeatable
+
+    assert is_repeatable(of_own_gains(nominal, seed=8, spread=0.3))
+    assert not is_repeatable(nominal)
 
 
 def test_what_a_single_run_shows_and_its_repeats_do_not_is_no_gap(

@@ -69,6 +69,8 @@ class RepeatedCommands:
     """Of the logs of the fit."""
     whitener: Whitener
     """Of the residual in these logs."""
+    measured: Noise
+    """Noise of these logs without calibration."""
     varying: FloatArray | None = None
     """Whitened columns (N, p) of what varies from run to run, if that was looked for."""
 
@@ -181,6 +183,7 @@ def repeated_commands(
             pairs.append(found)
     observations = replace(observations, blocks=tuple(pair.block for pair in pairs))
     noise, freedom = measure_noise(fitted_on, before), freedom_of_each(())
+    measured = noise
     level = first[0].level
     scatters = scatters_of(pairs)
     if scatters:
@@ -197,6 +200,7 @@ def repeated_commands(
         freedom * len(known),
         simulators,
         Whitener(before, noise, None),
+        measured,
     )
 
 

@@ -1,14 +1,15 @@
-"""Effects that every run of a robot has in another size, though nothing was changed.
+"""Effects that every run has in another size, though nothing was changed.
 
-Each run begins at another phase of the robot's clock, with its wheels at other angles and the body in a
-slightly other pose, so that repeats of a command differ along what some effects would do: a delay, a turned
-sensor, a slope. Noise that is taken for white would then let such an effect pass for new. With r the scatter
-of repeats, white but for that, and c_s what an effect changes in command sequence s, the sum over the
-sequences of (c_s . r_s)^2 / |c_s|^2 has a chi-squared distribution with as many degrees of freedom as there
-are sequences. The effect for which that is least likely varies from run to run; its variance is found by
-maximum likelihood (random effects, Laird and Ware, Biometrics 38:963, 1982), and the next one is looked for
-beside it, until chance would do as much. Few effects are found in this way, each of which hides only what
-differs from a real change in nothing but being different in each sequence.
+Each run begins at another phase of the clock, with its wheels at other angles, the body in a slightly other
+pose and a friction that is never the same twice, so that repeats of a command differ along what some effects
+would do: a delay, a turned sensor, a slope. Noise that is taken for white would then let such an effect pass
+for new, or, if it is scaled until it no longer does, hide all others. With r a difference of repeats, white
+but for that, and c_s what an effect changes in command sequence s, the sum over the sequences and over
+independent differences of (c_s . r_s)^2 / |c_s|^2 has a chi-squared distribution with as many degrees of
+freedom as it has terms. The effect for which that is least likely varies from run to run; its variance is
+found by maximum likelihood (random effects, Laird and Ware, Biometrics 38:963, 1982), and the next one is
+looked for beside it, until chance would do as much. Few effects are found in this way, each of which hides
+only what differs from a real change in nothing but being different in each sequence.
 """
 
 from __future__ import annotations

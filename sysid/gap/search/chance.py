@@ -53,6 +53,8 @@ class Floor:
     """Probability with which noise alone may be taken for an effect, after earlier studies of these logs."""
     familiar: bool = False
     """Whether the logs of the fit hold the commands of these logs, too."""
+    calibrated: bool = False
+    """Whether repeats of these commands in the logs of the fit show what chance does, and what varies."""
     slack: float = 1.0
     """Factor by which a right model's cost may be larger than was measured in other commands."""
     independent: float = math.inf

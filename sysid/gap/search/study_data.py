@@ -50,7 +50,7 @@ def study_data(dataset: Dataset, model: Model, options: GapOptions) -> StudyData
     """
     runs, notes = deciding_runs(dataset, model, options)
     observations = observe(replace(dataset, runs=runs))
-    noise = measure_noise(dataset, observations)
+    noise = measured = measure_noise(dataset, observations)
     error = model_error_of(model)
     learned, repeated, fitted_on = None, None, options.fitted_on
     same_logs = error is not None and error.data_sha256 == dataset.sha256 != ""
@@ -98,8 +98,10 @@ def study_data(dataset: Dataset, model: Model, options: GapOptions) -> StudyData
             "neighbouring samples: something that is not in the commands changes from run to run; look at "
             "the repeats"
         )
-    repeatable = not (bench and noise.inconsistent_channels(THRESHOLDS.unrepeatable))
-    if learned is not None and noise.is_like(learned.whitener.noise, THRESHOLDS.inconsistent_repeats):
+    repeatable = not (bench and measured.inconsistent_channels(THRESHOLDS.unrepeatable))
+    before = learned.whitener.noise if learned is not None else None
+    before = repeated.measured if repeated is not None else before
+    if before is not None and measured.is_like(before, THRESHOLDS.inconsistent_repeats):
         # Whatever acts at random did so in the logs of the fit, too.
         repeatable = True
     compared = learned is not None or repeated is not None
@@ -109,6 +111,7 @@ def study_data(dataset: Dataset, model: Model, options: GapOptions) -> StudyData
         compared,
         compared and not bench,
         repeatable,
+        calibrated=repeated is not None and bench,
         familiar=repeated is not None or (learned is not None and learned.knows(observations)),
         slack=THRESHOLDS.plainly_visible if learned is not None and not bench else 1.0,
     )

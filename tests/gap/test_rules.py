@@ -37,6 +37,7 @@ RANDOM = Floor(1e4, trusted=True, repeatable=False)
 CHOSEN = a_set(-50.0, "backlash")
 CURVE = a_set(-50.0, "static_map")
 TWO = a_set(-50.0, "backlash", "stiction")
+RIPPLE = a_set(-50.0, "torque_ripple")
 WORSE = a_set(-20.0, "free_term")
 NAMED = Facts(
     floor=Floor(1e4, trusted=True),
@@ -97,6 +98,7 @@ NAMED = Facts(
         ({"floor": CALIBRATED, "p_value": 0.5, "gain": 0.04, "is_plain": False}, "no_gap", ""),
         ({"gain": 0.04, "is_plain": False}, "named", ""),
         ({"floor": RANDOM, "removed_of_all": 0.4}, "unexplained", "repeats of one command differ"),
+        ({"floor": RANDOM, "removed_of_all": 0.4, "chosen": RIPPLE, "tied": (RIPPLE,)}, "named", "repeats"),
         ({"floor": RANDOM, "removed_of_all": 0.6}, "named", "repeats of one command differ"),
         ({"law": a_set(-60.0, "wheel_law")}, "unexplained", "the wheel law fitted again"),
         ({"law": a_set(-55.0, "wheel_law")}, "named", ""),

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Final, TypeAlias
 
+from mecanum_env.effects import CATALOGUE
 from sysid.gap.result import Verdict
 from sysid.gap.search.chance import Floor
 from sysid.gap.search.scores import ScoredSet
@@ -220,8 +221,11 @@ def _not_repeatable(facts: Facts) -> Outcome | None:
     """Unexplained: repeats of one command differ, so that no effect of the commands is all of it.
 
     A set that removes most of the difference keeps its name: it is not all, and the report says so. What
-    differs between the repeats belongs to the difference: counted as noise it would excuse itself.
+    differs between the repeats belongs to the difference: counted as noise it would excuse itself. A set with
+    a ripple makes repeats differ, too, since each of them begins with the wheel at another angle.
     """
+    if facts.chosen is not None and any(CATALOGUE[name].follows_angle for name in facts.chosen.names):
+        return None
     reason, is_most = _something_random(facts), facts.removed_of_all >= THRESHOLDS.most_of_it
     return _unexplained(facts, reason) if reason and not is_most else None
 

@@ -25,6 +25,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.stats import chi2, norm, t
 
+from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import cause_of
 from mecanum_env.units import FloatArray
 from sysid.compare.least_squares import (
@@ -260,17 +261,18 @@ def doubtful(problem: ResidualProblem, fitted: Fitted[EffectSet], inflation: flo
     return tuple(
         name
         for name in vague
-        if _is_proportional(problem, owners.count(name))
+        if _is_proportional(problem, name, owners.count(name))
         or not _surely_there(problem, fitted, name, inflation)
     )
 
 
-def _is_proportional(problem: ResidualProblem, count: int) -> bool:
+def _is_proportional(problem: ResidualProblem, name: str, count: int) -> bool:
     """Return whether an effect of so many parameters is there as surely as one of them is not neutral.
 
     A robot's limit on the speed of its body is not: how large it is may be vague where that it acts is not.
+    Nor is a ripple, of which a mean of repeats with unknown phases tells no more than a variance.
     """
-    return count < 2 and not problem.knows_all
+    return count < 2 and not problem.knows_all and not CATALOGUE[name].follows_angle
 
 
 def _surely_there(problem: ResidualProblem, fitted: Fitted[EffectSet], name: str, inflation: float) -> bool:

@@ -1,6 +1,7 @@
 """The gap workflow on recordings of real robots; skipped where they are not there."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -17,6 +18,11 @@ from sysid.logs import read_dataset
 MOTORS = ("motor1", "motor2", "motor3")
 ROW_S = 0.05
 """Between the rows of the husky's logs."""
+
+
+def _missed(motor: str, reason: str) -> Any:
+    """Return a motor of which the workflow says something else than what is expected, and what."""
+    return pytest.param(motor, marks=pytest.mark.xfail(reason=reason, strict=True))
 
 
 def test_what_a_ruler_tells_of_the_husky_makes_a_robot(real_logs: Path) -> None:
@@ -66,31 +72,28 @@ def friction_rpm(model: Model) -> float:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("motor", MOTORS)
+@pytest.mark.parametrize(
+    "motor", [*MOTORS[:-1], _missed(MOTORS[-1], "a dead zone that subtracts takes the place of its friction")]
+)
 def test_a_drive_without_its_integral_term_shows_more_of_the_friction_it_had(
     real_logs: Path, motor: str
 ) -> None:
     report = change_of(real_logs / "robotino", "bench_with_integral", "bench_without_integral", motor)
-    # The motor's own friction is in the model that was fitted: as friction, or as a dead zone of that size.
-    dead_rpm = report.base.effects.get("command_deadband/subtract", {}).get("threshold_rpm", 0.0)
-    assert friction_rpm(report.base) + dead_rpm == pytest.approx(2.3, abs=0.5)
-    assert ("coulomb_friction",) in report.candidates
+    # The motor's own friction is in the model that was fitted, as friction.
+    assert friction_rpm(report.base) == pytest.approx(2.3, abs=0.5)
+    assert "command_deadband/subtract" not in report.base.effects
+    assert "coulomb_friction" in report.candidates[0]
     # 3.2 rpm at every speed without the integral term, 1.3 to 2.5 with it.
-    if "coulomb_friction" in report.base.effects:
-        assert friction_rpm(report.model) == pytest.approx(3.4, abs=0.6)
+    assert friction_rpm(report.model) == pytest.approx(3.4, abs=0.6)
     assert report.gap.after < 0.95 * report.gap.before
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("motor", MOTORS)
+@pytest.mark.parametrize("motor", [*MOTORS[:-1], _missed(MOTORS[-1], "a ripple is named beside friction")])
 def test_another_floor_takes_more_friction(real_logs: Path, motor: str) -> None:
     report = change_of(real_logs / "robotino", "floor_table", "floor_gray", motor)
-    assert "coulomb_friction" in report.candidates[0]
-    # Beside it a ripple of six periods per turn is found, of which it is not known whether it is new.
-    for candidate in report.candidates:
-        friction, *ripple = candidate
-        assert friction in ("coulomb_friction", "command_deadband")
-        assert set(ripple) <= {"torque_ripple", "encoder_eccentricity"}
+    assert ("coulomb_friction",) in report.candidates
+    assert set(report.candidates) <= {("coulomb_friction",), ("command_deadband",)}
     assert report.gap.after < 0.9 * report.gap.before
 
 

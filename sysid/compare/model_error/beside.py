@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import helmert
 
 from mecanum_env.errors import InputError
 from mecanum_env.units import FloatArray
@@ -95,6 +96,18 @@ class Beside:
         """Return the deviations with the hold of each value; the block is one of the `observations`."""
         return Deviations(self.block, self.deviations, self.of_runs, holds_of(observations, self.block))
 
+    def contrast(self, number: int) -> FloatArray:
+        """Return one of the independent contrasts of r repeats, r - 1 of them, (m,), with the same variance.
+
+        The deviations of repeats have the sum 0, so that each tells a part of what the others do. Beyond the
+        last contrast there are zeros.
+        """
+        repeats = len(self.deviations)
+        if number >= repeats - 1:
+            return np.zeros(self.block.value.size)
+        weights = helmert(repeats)[number] * np.sqrt(1.0 - 1.0 / repeats)
+        return np.asarray(weights @ self.deviations / np.sqrt(self.block.weight))
+
     def scatter(self, repeat: int) -> FloatArray:
         """Return the deviations of a repeat with the variance of the difference of both logs, (m,)."""
         return np.asarray(self.deviations[repeat % len(self.deviations)] / np.sqrt(self.block.weight))
@@ -134,3 +147,9 @@ def scatters_of(pairs: Sequence[Beside]) -> list[tuple[FloatArray, ...]]:
     if not all(counts):
         return []
     return [tuple(pair.scatter(k) for pair in pairs) for k in range(max(counts))]
+
+
+def contrasts_of(pairs: Sequence[Beside]) -> list[tuple[FloatArray, ...]]:
+    """Return independent contrasts of repeats, (m,) for each block; zeros where a block has fewer repeats."""
+    most = max((len(pair.deviations) for pair in pairs), default=0)
+    return [tuple(pair.contrast(number) for pair in pairs) for number in range(most - 1)]

@@ -20,13 +20,12 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from scipy.linalg import helmert
 
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 from sysid.compare.measured import Observations, is_long, observe, pieces
 from sysid.compare.model_error.adopted import as_fitted
-from sysid.compare.model_error.beside import Beside, residuals_of, scatters_of
+from sysid.compare.model_error.beside import Beside, contrasts_of, residuals_of, scatters_of
 from sysid.compare.model_error.freedom import freedom_of_each
 from sysid.compare.model_error.run_to_run import run_to_run_columns
 from sysid.compare.model_error.same_commands import same_commands
@@ -63,6 +62,9 @@ class RepeatedCommands:
     scatters: tuple[tuple[FloatArray, ...], ...]
     """What each repeat in the logs of the fit differs by from the others, with the variance of the new logs'
     difference: (m,) for each block. Empty without repeats."""
+    contrasts: tuple[tuple[FloatArray, ...], ...]
+    """The same without what one repeat tells of another: independent differences, zeros where a command
+    sequence has fewer repeats."""
     freedom: float
     """Degrees of freedom of the mean squared noise of either of both logs."""
     simulators: Simulators
@@ -91,8 +93,7 @@ class RepeatedCommands:
 
     def of_unchanged(self, whitener: Whitener) -> FloatArray:
         """Return whitened residuals of logs in which nothing changed, one for each repeat: (N, repeats)."""
-        found = [whitener.whiten(scatter) for scatter in self.scatters]
-        return np.stack(found, axis=1) if found else np.zeros((whitener.size, 0))
+        return _whitened(whitener, self.scatters)
 
     def unchanged(self, model: Model, simulators: Simulators) -> RepeatedCommands | None:
         """Return what makes the scatter the residual of a model: new logs in which nothing changed.
@@ -109,8 +110,7 @@ class RepeatedCommands:
         """Return the same, with what the scatter shows to vary from run to run along some `effects`.
 
         These are what each of them changes in the new logs, whitened, (N,). The noise is not lowered by what
-        varies: on drawn drives (`sysid.studies.zoo`, bench seeds 700-829) that named no more effects, and
-        what formulas err by stood out more.
+        varies.
         """
         if not self.scatters or not effects:
             return self
@@ -119,22 +119,17 @@ class RepeatedCommands:
         run = np.concatenate([np.full(block.value.size, block.situation) for block in blocks])
         # All runs of a sequence are beside the same scatter.
         asked = {groups[block.situation]: block.situation for block in blocks}.values()
-        differences = self.of_unchanged(whitener)
         # One repeat of each sequence tells the noise of a robot, the more so with its margin.
-        differences = _independent(differences) if level == "bench" else differences[:, :1]
-        scatter = math.sqrt(_MARGIN[level]) * differences
+        differences = self.contrasts if level == "bench" else self.scatters[:1]
+        scatter = math.sqrt(_MARGIN[level]) * _whitened(whitener, differences)
         columns = np.stack(effects, axis=1)
         return replace(self, varying=run_to_run_columns(scatter, columns, run, tuple(asked)))
 
 
-def _independent(scatters: FloatArray) -> FloatArray:
-    """Return independent contrasts (N, r - 1) of what each of r repeats differs by from the others, (N, r).
-
-    Each scatter has the variance of a new log's difference, and all of them have the sum 0.
-    """
-    repeats = scatters.shape[1]
-    contrasts = helmert(repeats).T * math.sqrt(1.0 - 1.0 / repeats)
-    return np.asarray(scatters @ contrasts)
+def _whitened(whitener: Whitener, logs: Sequence[Sequence[FloatArray]]) -> FloatArray:
+    """Return some logs, each with (m,) for each block, as whitened columns (N, logs)."""
+    found = [whitener.whiten(parts) for parts in logs]
+    return np.stack(found, axis=1) if found else np.zeros((whitener.size, 0))
 
 
 def repeated_commands(
@@ -197,6 +192,7 @@ def repeated_commands(
         observations,
         tuple(pair.error for pair in pairs),
         tuple(scatters),
+        tuple(contrasts_of(pairs)) if scatters else (),
         freedom * len(known),
         simulators,
         Whitener(before, noise, None),

@@ -39,22 +39,23 @@ def run_to_run_columns(
     """Return what varies from run to run, one sigma of each: columns (N, p) of one run each.
 
     Args:
-        scatter: what repeats differ by, whitened, (N, d): d independent differences.
+        scatter: what repeats differ by, whitened, (N, d): d independent differences, zeros in a sequence that
+            has fewer.
         columns: what effects change, whitened, (N, q).
         run: number of the run, or of the mean of repeats, of each value, (N,).
         asked: numbers of the runs whose scatter is looked at: one of each command sequence.
     """
     left, moved, found = np.array(scatter), np.array(columns), []
-    differences = left.shape[1]
     every = [np.flatnonzero(run == number) for number in np.unique(run)]
     rows = [np.flatnonzero(run == number) for number in asked]
+    differences = np.array([np.count_nonzero(np.any(scatter[own] != 0.0, axis=0)) for own in rows])
     for _ in range(_MOST):
         lengths = np.array([np.sum(moved[own] ** 2, axis=0) for own in rows])
         scores = np.array([moved[own].T @ left[own] for own in rows])
         shown = lengths > _NEGLIGIBLE**2
         sums = np.sum(scores**2, axis=2)
         squares = np.divide(sums, lengths, out=np.zeros(sums.shape), where=shown)
-        by_chance = chi2.sf(squares.sum(axis=0), differences * np.maximum(1, shown.sum(axis=0)))
+        by_chance = chi2.sf(squares.sum(axis=0), np.maximum(1, differences @ shown))
         best = int(np.argmin(by_chance))
         if by_chance[best] * max(1, columns.shape[1]) > _BY_CHANCE:
             break
@@ -76,14 +77,14 @@ def run_to_run_columns(
     return np.stack(found, axis=1) if found else np.zeros((len(left), 0))
 
 
-def _sigma(squares: FloatArray, lengths: FloatArray, differences: int) -> float:
+def _sigma(squares: FloatArray, lengths: FloatArray, differences: npt.NDArray[np.intp]) -> float:
     """Return the standard deviation of a factor by maximum likelihood.
 
-    In each sequence its column has a squared length (`lengths`), (s,), and the squared scores of so many
-    `differences` over that length have a sum (`squares`), (s,).
+    In each sequence its column has a squared length (`lengths`), (s,), and the squared scores of its
+    `differences`, (s,), over that length have a sum (`squares`), (s,).
     """
     used = lengths > _NEGLIGIBLE**2
-    squares, lengths = squares[used], lengths[used]
+    squares, lengths, differences = squares[used], lengths[used], differences[used]
 
     def minus_log(exponent: float) -> float:
         total = 1.0 + np.exp(2.0 * exponent) * lengths
@@ -94,6 +95,6 @@ def _sigma(squares: FloatArray, lengths: FloatArray, differences: int) -> float:
     if least.fun >= float(np.sum(squares)):
         return 0.0
     # A variance from n values is on average larger than the most likely one.
-    values = differences * squares.size
+    values = int(np.sum(differences))
     few = values / max(1, values - 2)
     return float(np.exp(least.x) * np.sqrt(few))

@@ -113,7 +113,7 @@ def _within_own_error(facts: Facts) -> Outcome | None:
     Each effect of a set must, since each of two that chance makes up takes its share, and so must each number
     of a curve that no cause is behind. Where repeats in the logs of the fit show what chance does and what
     varies from run to run, what is significant is no chance: of 60 drawn drives in which nothing had changed
-    (bench seeds 700-799, 850-899, 1200-1249) none was.
+    (python -m sysid.studies.zoo --driven same, bench seeds 700-799, 850-899, 1200-1249) none was.
     """
     gain = facts.gain if facts.chosen else 0.0
     each = THRESHOLDS.least_familiar_gain if facts.floor.familiar else THRESHOLDS.least_gain

@@ -99,9 +99,8 @@ def study_data(dataset: Dataset, model: Model, options: GapOptions) -> StudyData
             "the repeats"
         )
     repeatable = not (bench and measured.inconsistent_channels(THRESHOLDS.unrepeatable))
-    before = learned.whitener.noise if learned is not None else None
-    before = repeated.measured if repeated is not None else before
-    if before is not None and measured.is_like(before, THRESHOLDS.inconsistent_repeats):
+    earlier = [repeated.measured] if repeated else [learned.whitener.noise] if learned else []
+    if any(measured.is_like(noise_then, THRESHOLDS.inconsistent_repeats) for noise_then in earlier):
         # Whatever acts at random did so in the logs of the fit, too.
         repeatable = True
     compared = learned is not None or repeated is not None

@@ -23,6 +23,19 @@ def test_white_scatter_shows_no_effect_that_varies() -> None:
     assert found <= 5  # of 100, where each may be with a probability of .01
 
 
+def test_a_sequence_without_a_difference_says_nothing_of_the_variance() -> None:
+    rng = np.random.default_rng(3)
+    columns = effects(rng)
+    scatter = (
+        rng.standard_normal((SEQUENCE.size, 2)) + 3.0 * columns[:, 2, None] * (-1.0) ** SEQUENCE[:, None]
+    )
+    scatter[SEQUENCE >= 3, 1] = 0.0
+    found = run_to_run_columns(scatter, columns, SEQUENCE, range(SEQUENCES))
+    sigma = np.linalg.norm(found[:, :SEQUENCES]) / np.linalg.norm(columns[:, 2])
+    # Counted as differences of size 0, those that are missing would make it 2.8.
+    assert 3.0 < sigma < 4.0
+
+
 def test_several_differences_of_repeats_tell_the_variance_better_than_one() -> None:
     one, three = [], []
     for seed in range(20):

@@ -99,8 +99,8 @@ class Beside:
     def contrast(self, number: int) -> FloatArray:
         """Return one of the independent contrasts of r repeats, r - 1 of them, (m,), with the same variance.
 
-        The deviations of repeats have the sum 0, so that each tells a part of what the others do. Beyond the
-        last contrast there are zeros.
+        The deviations of repeats have the sum 0, so that each tells a part of what the others do. ``number``
+        counts contrasts from 0; beyond the last one there are zeros.
         """
         repeats = len(self.deviations)
         if number >= repeats - 1:

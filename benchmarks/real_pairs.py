@@ -17,12 +17,16 @@ from pathlib import Path
 from time import process_time
 
 import numpy as np
+from harmonics import harmonics_rpm
 from recordings import print_page, recordings, written
 
 from mecanum_env.cli import run
+from mecanum_env.effects import CATALOGUE
 from mecanum_env.markdown import markdown_table
+from mecanum_env.units import FloatArray
+from sysid.compare.least_squares.phases import FREQUENCIES
 from sysid.fit import FitOptions, fit_dataset, fitted_model
-from sysid.gap.result import GapOptions
+from sysid.gap.result import GapOptions, GapReport
 from sysid.gap.wording import set_name, sizes_in
 from sysid.gap.workflow import analyse
 from sysid.logs import read_dataset
@@ -36,6 +40,7 @@ PAIRS = (
      "coulomb_friction"),
 )  # fmt: skip
 """Recordings before and after one known change: two folders with the same motors, what changed, its name."""
+RIPPLES = frozenset(effect.cause for effect in CATALOGUE.values() if effect.follows_angle)
 
 
 def main(starts: int = 5, jobs: int = 1, markdown: Path | None = None) -> None:
@@ -62,11 +67,20 @@ def page(folder: Path, starts: int, jobs: int) -> Iterator[str]:
         "with the one after. Frictions are in rpm of droop. A free correction is a regression of the "
         "difference on smooth functions of command, speed and time: what could be removed at all on test "
         "runs. Closure is the share of that which the set named first removes. Times are of one processor. "
-        "The words are those of [GapBench](gapbench.md)."
+        "The words are those of [GapBench](gapbench.md); a ripple that all motors of a recording share is "
+        "taken as there."
     )
     rows, words, closures = [], [], []
+    swings = []
     for before, after, _, truth in PAIRS:
-        for motor in sorted(path.name for path in (folder / before).iterdir() if path.is_dir()):
+        motors = sorted(path.name for path in (folder / before).iterdir() if path.is_dir())
+        ripples = {
+            name: [harmonics_rpm(read_dataset(folder / name / motor)) for motor in motors]
+            for name in (before, after)
+        }
+        swings += [(Path(name).name, *map(_most, of_motors)) for name, of_motors in ripples.items()]
+        most = {FREQUENCIES[int(np.argmax(one))] for one in ripples[after]}
+        for motor in motors:
             old, new = (read_dataset(folder / name / motor) for name in (before, after))
             began = process_time()
             model = fitted_model(fit_dataset(old, FitOptions(starts=starts)))
@@ -75,7 +89,7 @@ def page(folder: Path, starts: int, jobs: int) -> Iterator[str]:
             took = process_time() - began
             gap, (plain, free) = report.gap, free_correction(new, model)
             closure = (1.0 - gap.after / gap.before) / (1.0 - free / plain)
-            claims = tuple(map(frozenset, report.candidates))
+            claims = _claims(report, most)
             words.append(word_of("single", frozenset([truth]), report.verdict, claims))
             closures.append(closure)
             had = "; ".join(f"{set_name([name])} {sizes_in(model, name)}" for name in model.effects)
@@ -93,11 +107,30 @@ def page(folder: Path, starts: int, jobs: int) -> Iterator[str]:
          "free correction", "closure", "fit + study"),
         rows,
     )  # fmt: skip
+    yield (
+        "Largest ripple in the measured speeds themselves, without a model (`benchmarks/harmonics.py`), as "
+        f"periods per turn of 1 to {FREQUENCIES[-1]}: its amplitude, and in brackets the median of all:"
+    )
+    yield markdown_table(("recording", *motors), swings)
     good, wrong = (sum(one in known for one in words) for known in (FOUND, WRONG_ANSWERS))
     yield (
         f"Right or rightly ambiguous: {good} of {len(words)}; false names: {wrong}; median closure "
         f"{np.median(closures):.0%} of what a free correction removes."
     )
+
+
+def _most(amplitudes_rpm: FloatArray) -> str:
+    """Return the largest ripple in words."""
+    largest = int(np.argmax(amplitudes_rpm))
+    median = np.median(amplitudes_rpm)
+    return f"{FREQUENCIES[largest]}: {amplitudes_rpm[largest]:.2f} rpm ({median:.2f})"
+
+
+def _claims(report: GapReport, most: set[int]) -> tuple[frozenset[str], ...]:
+    """Return the sets that a report names, without a ripple whose periods per turn all motors have `most`."""
+    ripples = [effect.name for effect in report.effects if effect.cause in RIPPLES]
+    shared = len(most) == 1 and {report.model.effects[name]["per_turn"] for name in ripples} == most
+    return tuple(frozenset(names) - (RIPPLES if shared else frozenset()) for names in report.candidates)
 
 
 if __name__ == "__main__":

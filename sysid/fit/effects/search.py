@@ -35,7 +35,7 @@ from sysid.compare.search_space import (
     effect_set,
 )
 from sysid.fit.effects.candidates import TRIED, starts
-from sysid.fit.effects.reached import EVIDENCE, HeldOut, Reached
+from sysid.fit.effects.reached import HeldOut, Reached
 from sysid.fit.effects.simple_drive import SIMPLE_DRIVE, simple_drive
 from sysid.progress import Progress
 
@@ -173,7 +173,7 @@ class EffectSearch:
     def rubbing(self, reached: Reached) -> Reached:
         """Return the set with friction for a dead zone that subtracts, unless that explains the logs better.
 
-        Better is a gain of more than `EVIDENCE` in BIC, at which the logs tell the two apart.
+        Better is what `Reached.better_than` says: by BIC, and on the validation runs.
         """
         old = reached.fitted.candidate
         names = old.effects.names
@@ -192,9 +192,7 @@ class EffectSearch:
         # The set may have lost effects that this search began with.
         search = self._from(reached.base)._beside_none_of(DEAD_ZONE_LIKE_IT)
         found = search._reached(LawWithEffects(old.law, effects), np.append(place, start))
-        if found is None or found.price(reached.inflation) > reached.price(reached.inflation) + EVIDENCE:
-            return reached
-        return found
+        return reached if found is None or reached.better_than(found) else found
 
     def _beside_none_of(self, name: str) -> EffectSearch:
         """Return this search with a starting law that comes without an effect."""

@@ -7,7 +7,7 @@ from typing import Any, cast
 import pytest
 
 from mecanum_env.law.stability import POLE_LIMIT
-from mecanum_env.model import paper_model
+from mecanum_env.model import Model, paper_model
 from sysid.compare.measured import observe
 from sysid.compare.model_error import Whitener
 from sysid.compare.noise import measure_noise
@@ -50,6 +50,29 @@ def test_friction_for_a_dead_zone_brings_no_effect_back_that_was_pruned() -> Non
     smaller = search.pruned(began)
     assert set(smaller.model.effects) == {"command_deadband/subtract"}
     assert set(search.rubbing(smaller).model.effects) == {"coulomb_friction"}
+
+
+class _Indifferent(HeldOut):
+    """Validation runs on which every model is as good as any other."""
+
+    def errors(self, _model: Model) -> tuple[float, float]:
+        return 1.0, 1.0
+
+
+@pytest.mark.parametrize(
+    ("validation", "kept"), [(HeldOut, "command_deadband/subtract"), (_Indifferent, "coulomb_friction")]
+)
+def test_a_dead_zone_is_no_friction_where_the_validation_runs_say_so_too(
+    validation: type[HeldOut], kept: str
+) -> None:
+    true = paper_model().with_effect("command_deadband/subtract", threshold_rpm=8.0)
+    data = logs(true)
+    observations = observe(replace(data, runs=data.split("fit")))
+    whitener = Whitener(observations, measure_noise(data, observations), None)
+    search = EffectSearch(true, whitener, validation.of(data), POLE_LIMIT, drive_candidates(data.columns))
+    began = search.begin()
+    assert began is not None
+    assert set(search.rubbing(began).model.effects) == {kept}
 
 
 def test_a_set_grows_only_to_what_fits_better() -> None:

@@ -10,6 +10,9 @@ from mecanum_env.effects.definition import Effect, Parameter
 from mecanum_env.effects.drive import BRAKE, LIMIT, LIMITS_RPM, PER_VOLT, POSITIVE
 from mecanum_env.wheel_drive.motor_bounds import loaded_law
 
+_RATIO: Final = (Parameter("ratio", "1", 1.0, (1.0, 40.0), (1e-3, 1e3)),)
+_WHAT_IT_CARRIES: Final = "what the wheel carries: whether the robot stood on it, or which parts were mounted"
+
 EFFECTS: Final = (
     Effect(
         name="speed_saturation/supply",
@@ -57,11 +60,25 @@ EFFECTS: Final = (
         name="load_inertia",
         station="law",
         acts_on="drive",
-        parameters=(Parameter("ratio", "1", 1.0, (1.0, 40.0), (1e-3, 1e3)),),
-        summary="The moment of inertia at the wheel, over that of the wheel whose law was identified.",
-        signature="Slower starts and stops, which may overshoot; the speeds reached are unchanged.",
-        direct_check="what the wheel carries: whether the robot stood on it, or which parts were mounted",
+        parameters=_RATIO,
+        summary="The moment of inertia at the wheel, over that of the wheel whose law was identified, on a "
+        "drive without integral action.",
+        signature="Slower starts and stops; the speeds reached are unchanged.",
+        direct_check=_WHAT_IT_CARRIES,
         realistic=lambda _: {"ratio": 2.0},
         change_drive=lambda drive, values, _: replace(drive, law=loaded_law(drive.law, values["ratio"])),
+    ),
+    Effect(
+        name="load_inertia/integral",
+        station="law",
+        acts_on="drive",
+        parameters=_RATIO,
+        summary="The same, on a drive with integral action.",
+        signature="Slower starts and stops, which may overshoot; the speeds reached are unchanged.",
+        direct_check=_WHAT_IT_CARRIES,
+        realistic=lambda _: {"ratio": 2.0},
+        change_drive=lambda drive, values, _: replace(
+            drive, law=loaded_law(drive.law, values["ratio"], integral=True)
+        ),
     ),
 )

@@ -36,6 +36,7 @@ _SCHEMA: Final[dict[str, tuple[str, ...]]] = {
     "acceleration_limit/drive": ("limit_rpm_s", "brake_rpm_s"),
     "acceleration_limit/s_curve": ("limit_rpm_s", "jerk_rpm_s2", "brake_rpm_s"),
     "load_inertia": ("ratio",),
+    "load_inertia/integral": ("ratio",),
     "weak_servo": ("servo_n_m_s_rad",),
     "backlash": ("gap_deg",),
     "backlash/rest": ("gap_deg", "slowing_rpm_s"),

@@ -146,16 +146,20 @@ def steepest_share(law: WheelLaw) -> float:
     return min(share, 1.0)
 
 
-def loaded_law(law: WheelLaw, ratio: float) -> WheelLaw:
+def loaded_law(law: WheelLaw, ratio: float, *, integral: bool = False) -> WheelLaw:
     """Return the law of a wheel whose moment of inertia is `ratio` times as large.
 
-    The drive's torque is that which the law asks for, and changes the speed by 1 / ratio of what it did:
-    w(k+1) = w(k) + (law's w(k+1) - w(k)) / ratio. The unit DC gain is kept.
+    The drive answers what it sees, speeds and commands, as before. Without integral action this answer is its
+    torque, and changes the speed by 1 / ratio of what it did:
+    w(k+1) = w(k) + (law's w(k+1) - w(k)) / ratio. With `integral` action the answer is added to the torque
+    of the tick before, which now gives (w(k) - w(k-1)) of a heavier wheel:
+    w(k+1) = 2 w(k) - w(k-1) + (law's w(k+1) - 2 w(k) + w(k-1)) / ratio. The unit DC gain is kept.
 
     Raises:
         UnstableLawError: the drive does not hold such a wheel at a speed.
     """
+    kept = np.array([2.0, -1.0] if integral else [1.0, 0.0])
     shares = law.coefficients / ratio
-    shares[0] += 1.0 - 1.0 / ratio
+    shares[:2] += kept * (1.0 - 1.0 / ratio)
     changed = WheelLaw.from_coefficients(shares, law.sample_period_s)
     return law if ratio == 1.0 else changed.require_stable()

@@ -21,6 +21,7 @@ ONE_BY_ONE = {  # formulas that take one number: a search, Python's own function
     *("effects.wheel_radius.scale", "effects.track_width.scale", "effects.floor_slope.slope_deg"),
     *("effects.backlash.gap_deg", "effects.backlash/rest.gap_deg", "effects.backlash/spring.gap_deg"),
     *("effects.speed_saturation/supply.limit_rpm", "effects.load_inertia.ratio"),
+    "effects.load_inertia/integral.ratio",
     *(f"effects.body_speed_limit.{name}" for name in ("v_rpm", "vc_rpm")),
     *(f"effects.body_acceleration_limit.{name}" for name in ("v_rpm_s", "vc_rpm_s")),
 }

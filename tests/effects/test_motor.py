@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from mecanum_env.errors import InputError
+from mecanum_env.law import WheelLaw
 from mecanum_env.model import model_from_dict, model_to_dict
 from mecanum_env.simulator import BodyCommands, drive, replay_bench
 from mecanum_env.simulator.bench import law_of_bench
+from mecanum_env.wheel_drive.motor_bounds import loaded_law
 
 TIME = np.arange(0.0, 2.0, 1 / 120)
 STEPS = np.where(TIME < 1.0, 100.0, -40.0)
@@ -87,6 +89,22 @@ def test_under_load_the_supplys_ceiling_falls(base, plant):
     # Torque 1 (1 - w / 100) = friction, and a little more that the rollers take.
     assert speeds[0.1] == pytest.approx(90.0, abs=4.0)
     assert speeds[0.4] == pytest.approx(60.0, abs=4.0)
+
+
+@pytest.mark.parametrize("ratio", [1.5, 7.0])
+@pytest.mark.parametrize("integral", [False, True])
+def test_the_law_of_a_heavier_wheel_is_that_of_the_same_controller(ratio, integral):
+    """A wheel J (w(k+1) - w(k)) = torque, under a controller of two terms with or without integral action."""
+
+    def law(inertia: float) -> WheelLaw:
+        # torque(k) = torque(k-1) with integral action, and p (u - w)(k) + d (u - w)(k-1) in both.
+        p, d = (0.12, -0.1) if integral else (0.1, 0.02)
+        wheel = [2.0, -1.0, 0.0] if integral else [1.0, 0.0, 0.0]
+        answer = np.array([p, d, 0.0]) / inertia
+        return WheelLaw.from_coefficients(np.concatenate([wheel - answer, answer]), 0.01)
+
+    heavier = loaded_law(law(1.0), ratio, integral=integral)
+    np.testing.assert_allclose(heavier.coefficients, law(ratio).coefficients, atol=1e-12)
 
 
 @pytest.mark.parametrize("ratio", [2.0, 10.0])

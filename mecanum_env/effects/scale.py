@@ -42,6 +42,9 @@ class Scale:
     """Length of the longest run [s]."""
     interval_s: float = _INTERVAL_S
     """Time between samples, of the run that has the fewest in a second [s]."""
+    thresholds_rpm: tuple[float, ...] = ()
+    """Wheel speeds between the sizes of neighbouring commands [rpm]: what a threshold between two others does
+    is what one of these does."""
 
     @property
     def torque_n_m(self) -> float:

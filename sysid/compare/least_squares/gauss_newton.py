@@ -23,7 +23,7 @@ _GAIN: Final = 0.02  # decrease of the cost that is worth a simulation
 _FLAT: Final = 2.0
 """Norm of a derivative [sigma per whole range] below which it carries no information."""
 _SHORTEST: Final = 0.005  # resolution of `reach`
-_COMPASS_STEPS: Final = (0.1, -0.1, 0.05, -0.05, 0.05, -0.05, 0.025, -0.025, 0.0125, -0.0125)
+_COMPASS_STEPS: Final = (0.1, -0.1, 0.05, -0.05, 0.05, -0.05, 0.025, -0.025, 0.0125, -0.0125, 0.006, -0.006)
 _RELATIVE_GAIN: Final = 1e-4
 _DAMPINGS: Final = 5
 """Shorter and shorter steps that are tried before a place counts as a minimum."""

@@ -20,6 +20,7 @@ from sysid.compare.noise import measure_noise
 from sysid.compare.search_space import EffectSet, effect_set
 from sysid.gap.report.output import gap_json
 from sysid.gap.result import FoundEffect, GapOptions, GapReport, Interval
+from sysid.gap.search import decision
 from sysid.gap.search.chance import Floor
 from sysid.gap.search.decision import explore
 from sysid.gap.search.plain_squares import mean_squares, plainly_larger, removed, removed_of_all
@@ -81,6 +82,21 @@ def test_twins_are_both_candidates(bench_logs: MakeLogs, base: Model) -> None:
     assert report.verdict == "ambiguous"
     assert {("speed_gain",), ("sensor_scale",)} <= set(report.candidates)
     assert (report.effects[0].name,) == report.candidates[0]
+
+
+def test_of_sets_that_do_as_well_one_about_whose_size_the_runs_agree_comes_first(
+    bench_logs: MakeLogs, base: Model, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    dataset = bench_logs(base.with_effect("speed_gain", gain=0.94))
+    first = analyse(dataset, base, QUIET).candidates[0]
+
+    def doubtful(_problem: ResidualProblem, fitted: Fitted[EffectSet], _inflation: float) -> tuple[str, ...]:
+        return fitted.names if fitted.names == first else ()
+
+    monkeypatch.setattr(decision, "doubtful", doubtful)
+    report = analyse(dataset, base, QUIET)
+    assert report.verdict == "ambiguous"
+    assert first in report.candidates[1:]
 
 
 def test_a_swing_that_no_effect_makes_is_unexplained(bench_logs: MakeLogs, base: Model) -> None:

@@ -11,7 +11,10 @@ from mecanum_env.effects.drive import BRAKE, LIMIT, LIMITS_RPM, PER_VOLT, POSITI
 from mecanum_env.wheel_drive.motor_bounds import loaded_law
 
 _RATIO: Final = (Parameter("ratio", "1", 1.0, (1.0, 40.0), (1e-3, 1e3)),)
-_WHAT_IT_CARRIES: Final = "what the wheel carries: whether the robot stood on it, or which parts were mounted"
+_WHAT_IT_CARRIES: Final = (
+    "what the wheel carries: whether the robot stood on it, or which parts were mounted; if that has not "
+    "changed, the gains of the drive's controller"
+)
 
 EFFECTS: Final = (
     Effect(
@@ -62,8 +65,8 @@ EFFECTS: Final = (
         acts_on="drive",
         parameters=_RATIO,
         summary="The moment of inertia at the wheel, over that of the wheel whose law was identified, on a "
-        "drive without integral action.",
-        signature="Slower starts and stops; the speeds reached are unchanged.",
+        "drive that answers the difference of command and speed.",
+        signature="Slower starts and stops, which may overshoot; the speeds reached are unchanged.",
         direct_check=_WHAT_IT_CARRIES,
         realistic=lambda _: {"ratio": 2.0},
         change_drive=lambda drive, values, _: replace(drive, law=loaded_law(drive.law, values["ratio"])),
@@ -73,7 +76,7 @@ EFFECTS: Final = (
         station="law",
         acts_on="drive",
         parameters=_RATIO,
-        summary="The same, on a drive with integral action.",
+        summary="The same, on a drive with integral action that answers command and speed separately.",
         signature="Slower starts and stops, which may overshoot; the speeds reached are unchanged.",
         direct_check=_WHAT_IT_CARRIES,
         realistic=lambda _: {"ratio": 2.0},

@@ -147,19 +147,25 @@ def steepest_share(law: WheelLaw) -> float:
 
 
 def loaded_law(law: WheelLaw, ratio: float, *, integral: bool = False) -> WheelLaw:
-    """Return the law of a wheel whose moment of inertia is `ratio` times as large.
+    """Return the law of a wheel whose moment of inertia is `ratio` times as large, under the same controller.
 
-    The drive answers what it sees, speeds and commands, as before. Without integral action this answer is its
-    torque, and changes the speed by 1 / ratio of what it did:
-    w(k+1) = w(k) + (law's w(k+1) - w(k)) / ratio. With `integral` action the answer is added to the torque
-    of the tick before, which now gives (w(k) - w(k-1)) of a heavier wheel:
-    w(k+1) = 2 w(k) - w(k-1) + (law's w(k+1) - 2 w(k) + w(k-1)) / ratio. The unit DC gain is kept.
+    A law of gain 1 is a loop N(z) / P(z) of a wheel with the torque N / (P - N) (z - 1) of the error
+    u - w, since z - 1 divides P - N. A heavier wheel divides the torque, and thereby N, by `ratio`:
+    N' = N / ratio, P' = P - (1 - 1 / ratio) N. With `integral` action the drive may answer commands and
+    speeds separately, as with a derivative of the speed; this answer is added to the torque of the tick
+    before, which gives (w(k) - w(k-1)) of a heavier wheel:
+    w(k+1) = 2 w(k) - w(k-1) + (law's w(k+1) - 2 w(k) + w(k-1)) / ratio. Either keeps the gain of 1.
 
     Raises:
         UnstableLawError: the drive does not hold such a wheel at a speed.
     """
-    kept = np.array([2.0, -1.0] if integral else [1.0, 0.0])
-    shares = law.coefficients / ratio
-    shares[:2] += kept * (1.0 - 1.0 / ratio)
-    changed = WheelLaw.from_coefficients(shares, law.sample_period_s)
-    return law if ratio == 1.0 else changed.require_stable()
+    if ratio == 1.0:
+        return law
+    lost, of_speed, of_command = 1.0 - 1.0 / ratio, law.coefficients[:3], law.coefficients[3:]
+    kept = (
+        (1.0 - lost) * of_speed + lost * np.array([2.0, -1.0, 0.0])
+        if integral
+        else of_speed + lost * of_command
+    )
+    changed = WheelLaw.from_coefficients([*kept, *(of_command / ratio)], law.sample_period_s)
+    return changed.require_stable()

@@ -91,20 +91,34 @@ def test_under_load_the_supplys_ceiling_falls(base, plant):
     assert speeds[0.4] == pytest.approx(60.0, abs=4.0)
 
 
+def loop(
+    inertia: float, memory: tuple[float, float], answer: tuple[float, float], separate: float
+) -> WheelLaw:
+    """Return the law of a wheel J (w(k+1) - w(k)) = torque under a controller with a memory of its torque.
+
+    torque(k) = m1 torque(k-1) + m2 torque(k-2) + a1 (u - w)(k) + a2 (u - w)(k-1) - separate (w(k) - w(k-1))
+    """
+    wheel, kept = np.array([1.0, -1.0]), np.array([1.0, -memory[0], -memory[1]])
+    command = np.array([0.0, *answer, 0.0]) / inertia
+    speed = command + np.array([0.0, separate, -separate, 0.0]) / inertia
+    own = np.convolve(wheel, kept) + speed
+    return WheelLaw.from_coefficients([*-own[1:], *command[1:]], 0.01)
+
+
 @pytest.mark.parametrize("ratio", [1.5, 7.0])
-@pytest.mark.parametrize("integral", [False, True])
-def test_the_law_of_a_heavier_wheel_is_that_of_the_same_controller(ratio, integral):
-    """A wheel J (w(k+1) - w(k)) = torque, under a controller of two terms with or without integral action."""
+@pytest.mark.parametrize("memory", [(0.0, 0.0), (0.6, 0.0), (1.0, 0.0), (1.3, -0.3)])
+def test_the_law_of_a_heavier_wheel_is_that_of_the_same_controller(ratio, memory):
+    """It answers the difference of both without memory, with a lag, with integral action, or with both."""
+    light, heavy = (loop(inertia, memory, (0.12, -0.1), 0.0) for inertia in (1.0, ratio))
+    np.testing.assert_allclose(loaded_law(light, ratio).coefficients, heavy.coefficients, atol=1e-12)
 
-    def law(inertia: float) -> WheelLaw:
-        # torque(k) = torque(k-1) with integral action, and p (u - w)(k) + d (u - w)(k-1) in both.
-        p, d = (0.12, -0.1) if integral else (0.1, 0.02)
-        wheel = [2.0, -1.0, 0.0] if integral else [1.0, 0.0, 0.0]
-        answer = np.array([p, d, 0.0]) / inertia
-        return WheelLaw.from_coefficients(np.concatenate([wheel - answer, answer]), 0.01)
 
-    heavier = loaded_law(law(1.0), ratio, integral=integral)
-    np.testing.assert_allclose(heavier.coefficients, law(ratio).coefficients, atol=1e-12)
+@pytest.mark.parametrize("ratio", [1.5, 7.0])
+def test_a_drive_with_integral_action_may_answer_command_and_speed_separately(ratio):
+    light, heavy = (loop(inertia, (1.0, 0.0), (0.12, -0.1), 0.2) for inertia in (1.0, ratio))
+    found = loaded_law(light, ratio, integral=True)
+    np.testing.assert_allclose(found.coefficients, heavy.coefficients, atol=1e-12)
+    assert not np.allclose(loaded_law(light, ratio).coefficients, heavy.coefficients, atol=1e-3)
 
 
 @pytest.mark.parametrize("ratio", [2.0, 10.0])

@@ -81,15 +81,20 @@ def test_a_law_that_moves_against_its_command_has_no_supply():
 
 
 @pytest.mark.parametrize("ratio", [0.7, 1.0, 3.0, 25.0])
-def test_inertia_divides_what_the_law_changes(paper, ratio):
-    law, loaded = paper.wheel.law, loaded_law(paper.wheel.law, ratio)
+def test_inertia_divides_what_a_controller_without_memory_changes(ratio):
+    loaded = loaded_law(FIRST_ORDER, ratio)
     command, state = np.random.default_rng(3).uniform(-100.0, 100.0, 60), REST
     for r in command:
-        wanted, _ = law.tick(state, r)
+        wanted, _ = FIRST_ORDER.tick(state, r)
         speed, after = loaded.tick(state, r)
         assert speed == pytest.approx(state.w0 + (wanted - state.w0) / ratio, abs=1e-9)
         state = after
-    assert loaded.dc_gain == pytest.approx(law.dc_gain)
+
+
+@pytest.mark.parametrize("integral", [False, True])
+@pytest.mark.parametrize("ratio", [1.0, 3.0, 25.0])
+def test_inertia_keeps_the_gain(ratio, integral):
+    assert loaded_law(FIRST_ORDER, ratio, integral=integral).dc_gain == pytest.approx(1.0)
 
 
 def test_a_drive_that_cannot_hold_the_inertia_is_refused():

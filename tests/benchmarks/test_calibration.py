@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import importlib
 import json
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import asdict, fields, replace
 from pathlib import Path
 from types import ModuleType
@@ -17,11 +16,8 @@ from sysid.studies.zoo.cases.case import Case, Hidden
 
 
 @pytest.fixture(scope="module")
-def calibration() -> Iterator[ModuleType]:
-    """Return the benchmark as a module, found as when it is run."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(Path(__file__).parents[2] / "benchmarks")
-        yield importlib.import_module("calibration")
+def calibration(benchmark_of: Callable[[str], ModuleType]) -> ModuleType:
+    return benchmark_of("calibration")
 
 
 LEAST = THRESHOLDS.least_elsewhere

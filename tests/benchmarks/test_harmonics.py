@@ -1,6 +1,5 @@
 """The ripples of a measured speed, without a model: any that is there, and that of the Robotino's wheels."""
 
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +9,8 @@ from sysid.logs import BenchCommand, Dataset, Run, read_dataset
 
 
 @pytest.fixture(scope="module")
-def harmonics():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(Path(__file__).parents[2] / "benchmarks")
-        import harmonics
-
-        yield harmonics
-    del sys.modules["harmonics"]
+def harmonics(benchmark_of):
+    return benchmark_of("harmonics")
 
 
 def test_a_ripple_is_found_at_its_periods_per_turn_with_its_amplitude(harmonics):

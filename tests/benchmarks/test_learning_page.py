@@ -1,20 +1,12 @@
 """Success over seeds and episodes: its interval counts both."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 
 @pytest.fixture(scope="module")
-def page():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(Path(__file__).parents[2] / "benchmarks")
-        import learning_page
-
-        yield learning_page
-    del sys.modules["learning_page"]
+def page(benchmark_of):
+    return benchmark_of("learning_page")
 
 
 def test_seeds_that_agree_leave_the_doubt_of_the_episodes(page):

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import importlib
 import json
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
 ROWS = {
     "fit": {"ours", "ours, law alone", "mujoco.sysid", "scipy output error", "SIPPY ARX"},
     "physics": {
@@ -42,11 +41,8 @@ TITLES = {
 
 
 @pytest.fixture(scope="module")
-def peers() -> ModuleType:
-    """Return the benchmark as a module, found as when it is run."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(ROOT / "benchmarks")
-        return importlib.import_module("peers")
+def peers(benchmark_of: Callable[[str], ModuleType]) -> ModuleType:
+    return benchmark_of("peers")
 
 
 @pytest.mark.parametrize("part", ROWS)

@@ -70,18 +70,14 @@ def page(folder: Path, starts: int, jobs: int) -> Iterator[str]:
         "The words are those of [GapBench](gapbench.md); a ripple that all motors of a recording share is "
         "taken as there."
     )
-    rows, words, closures = [], [], []
-    swings = []
+    rows, words, closures, swings = [], [], [], []
     for before, after, _, truth in PAIRS:
         motors = sorted(path.name for path in (folder / before).iterdir() if path.is_dir())
-        ripples = {
-            name: [harmonics_rpm(read_dataset(folder / name / motor)) for motor in motors]
-            for name in (before, after)
-        }
+        logs = {name: [read_dataset(folder / name / motor) for motor in motors] for name in (before, after)}
+        ripples = {name: [harmonics_rpm(one) for one in of_motors] for name, of_motors in logs.items()}
         swings += [(Path(name).name, *map(_most, of_motors)) for name, of_motors in ripples.items()]
         most = {FREQUENCIES[int(np.argmax(one))] for one in ripples[after]}
-        for motor in motors:
-            old, new = (read_dataset(folder / name / motor) for name in (before, after))
+        for motor, old, new in zip(motors, logs[before], logs[after], strict=True):
             began = process_time()
             model = fitted_model(fit_dataset(old, FitOptions(starts=starts)))
             fit_s, began = process_time() - began, process_time()

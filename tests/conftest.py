@@ -70,6 +70,15 @@ def real_logs() -> Path:
 
 
 @pytest.fixture(scope="session")
+def robotino(real_logs: Path) -> Path:
+    """Return the folder of the Robotino's recordings; skip without it."""
+    path = real_logs / "robotino"
+    if not path.is_dir():
+        pytest.skip("no robotino among the real logs")
+    return path
+
+
+@pytest.fixture(scope="session")
 def browser() -> str:
     """Return the path of a browser; skip without one. CI installs one: there a test that needs it fails."""
     names = ("chromium", "chromium-browser", "google-chrome")

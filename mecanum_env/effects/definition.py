@@ -82,7 +82,9 @@ class Parameter:
     def scaled(self, scale: Scale) -> Parameter:
         """Return the parameter as a search needs it on a drive of this `scale`; `valid` stays."""
         if self.stepwise and scale.thresholds_rpm:
-            return replace(self, bounds=(self.bounds[0], scale.top_rpm), scan=scale.thresholds_rpm)
+            # Commands may be beyond the speed that the drive reaches.
+            most = max(scale.top_rpm, *scale.thresholds_rpm)
+            return replace(self, bounds=(self.bounds[0], most), scan=scale.thresholds_rpm)
         unit = self.unit if self.follows_rise else "rpm"
         factor = scale.factor(unit, relative=self.relative)
         if factor == 1.0:

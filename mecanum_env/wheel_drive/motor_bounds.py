@@ -36,6 +36,8 @@ _SETTLED: Final = 1e-4
 _MOST_TICKS: Final = 20_000
 _LEAST_SUPPLY: Final = 1e-3
 """Share of the speed n that is left at any voltage."""
+_STEADY_TORQUE: Final = np.array([2.0, -1.0, 0.0])
+"""A, B and C of a wheel whose torque stays as it was in the tick before: w(k+1) - w(k) = w(k) - w(k-1)."""
 
 
 @dataclass(frozen=True)
@@ -149,12 +151,13 @@ def steepest_share(law: WheelLaw) -> float:
 def loaded_law(law: WheelLaw, ratio: float, *, integral: bool = False) -> WheelLaw:
     """Return the law of a wheel whose moment of inertia is `ratio` times as large, under the same controller.
 
-    A law of gain 1 is a loop N(z) / P(z) of a wheel with the torque N / (P - N) (z - 1) of the error
-    u - w, since z - 1 divides P - N. A heavier wheel divides the torque, and thereby N, by `ratio`:
-    N' = N / ratio, P' = P - (1 - 1 / ratio) N. With `integral` action the drive may answer commands and
-    speeds separately, as with a derivative of the speed; this answer is added to the torque of the tick
-    before, which gives (w(k) - w(k-1)) of a heavier wheel:
-    w(k+1) = 2 w(k) - w(k-1) + (law's w(k+1) - 2 w(k) + w(k-1)) / ratio. Either keeps the gain of 1.
+    A law N(z) / P(z) of gain 1 is the loop of a wheel 1 / (z - 1) under a drive whose torque follows from the
+    error u - w by (z - 1) N / (P - N), since z - 1 divides P - N. A heavier wheel divides what the torque
+    does, and thereby N, by `ratio`: N' = N / ratio, P' = P - (1 - 1 / ratio) N. With another gain g the drive
+    follows g u, so that N / g stands for N in P'.
+    With `integral` action the drive may answer commands and speeds separately, as with a derivative of the
+    speed; this answer is added to the torque of the tick before, which gives (w(k) - w(k-1)) of a heavier
+    wheel: w(k+1) = 2 w(k) - w(k-1) + (law's w(k+1) - 2 w(k) + w(k-1)) / ratio. Either keeps the gain.
 
     Raises:
         UnstableLawError: the drive does not hold such a wheel at a speed.
@@ -162,10 +165,6 @@ def loaded_law(law: WheelLaw, ratio: float, *, integral: bool = False) -> WheelL
     if ratio == 1.0:
         return law
     lost, of_speed, of_command = 1.0 - 1.0 / ratio, law.coefficients[:3], law.coefficients[3:]
-    kept = (
-        (1.0 - lost) * of_speed + lost * np.array([2.0, -1.0, 0.0])
-        if integral
-        else of_speed + lost * of_command
-    )
-    changed = WheelLaw.from_coefficients([*kept, *(of_command / ratio)], law.sample_period_s)
-    return changed.require_stable()
+    gained = _STEADY_TORQUE - of_speed if integral else of_command / law.dc_gain
+    changed = [*(of_speed + lost * gained), *(of_command / ratio)]
+    return WheelLaw.from_coefficients(changed, law.sample_period_s).require_stable()

@@ -31,9 +31,7 @@ def test_a_ripple_is_found_at_its_periods_per_turn_with_its_amplitude(harmonics)
 @pytest.mark.parametrize("floor", ["floor_table", "floor_gray"])
 @pytest.mark.parametrize("motor", ["motor1", "motor2", "motor3"])
 def test_wheels_swing_six_times_per_turn_on_a_floor(
-    real_logs: Path, harmonics, floor: str, motor: str
+    robotino: Path, harmonics, floor: str, motor: str
 ) -> None:
-    folder = real_logs / "robotino" / floor / motor
-    if not folder.is_dir():
-        pytest.skip("no robotino among the real logs")
-    assert int(np.argmax(harmonics.harmonics_rpm(read_dataset(folder)))) + 1 == 6
+    found_rpm = harmonics.harmonics_rpm(read_dataset(robotino / floor / motor))
+    assert int(np.argmax(found_rpm)) + 1 == 6

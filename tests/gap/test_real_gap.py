@@ -12,12 +12,12 @@ from sysid.fit import FitOptions, fit_dataset, fitted_model
 from sysid.gap.alone import law_of
 from sysid.gap.result import GapOptions, GapReport
 from sysid.gap.workflow import analyse
-from sysid.logs import Dataset, read_dataset
+from sysid.logs import read_dataset
 
 MOTORS = ("motor1", "motor2", "motor3")
 ROW_S = 0.05
 """Between the rows of the husky's logs."""
-ROLLERS = 6
+PER_TURN = 6
 """Periods per turn of the Robotino's wheels on a floor."""
 RIPPLES = ("torque_ripple", "encoder_eccentricity")
 
@@ -54,16 +54,9 @@ def test_files_with_different_controllers_get_no_name(real_logs: Path) -> None:
     assert any("fitted to these very logs" in note for note in report.notes)
 
 
-def of_robotino(real_logs: Path, name: str, motor: str) -> Dataset:
-    """Return a motor's recording."""
-    if not (real_logs / "robotino" / name).is_dir():
-        pytest.skip("no robotino among the real logs")
-    return read_dataset(real_logs / "robotino" / name / motor)
-
-
-def change_of(real_logs: Path, before: str, after: str, motor: str) -> GapReport:
+def change_of(robotino: Path, before: str, after: str, motor: str) -> GapReport:
     """Return the study of a motor's recording after a change, with the model fitted to the one before."""
-    old, new = (of_robotino(real_logs, name, motor) for name in (before, after))
+    old, new = (read_dataset(robotino / name / motor) for name in (before, after))
     model = fitted_model(fit_dataset(old, FitOptions(starts=5)))
     return analyse(new, model, GapOptions(fitted_on=old, next_experiment=False))
 
@@ -76,9 +69,9 @@ def friction_rpm(model: Model) -> float:
 @pytest.mark.slow
 @pytest.mark.parametrize("motor", MOTORS)
 def test_a_drive_without_its_integral_term_shows_more_of_the_friction_it_had(
-    real_logs: Path, motor: str
+    robotino: Path, motor: str
 ) -> None:
-    report = change_of(real_logs, "bench_with_integral", "bench_without_integral", motor)
+    report = change_of(robotino, "bench_with_integral", "bench_without_integral", motor)
     # The motor's own friction is in the model that was fitted, as friction.
     assert friction_rpm(report.base) == pytest.approx(2.3, abs=0.5)
     assert "command_deadband/subtract" not in report.base.effects
@@ -90,14 +83,14 @@ def test_a_drive_without_its_integral_term_shows_more_of_the_friction_it_had(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("motor", MOTORS)
-def test_another_floor_takes_more_friction(real_logs: Path, motor: str) -> None:
+def test_another_floor_takes_more_friction(robotino: Path, motor: str) -> None:
     """A ripple may be named beside it, at the six periods per turn that all motors show on the floors."""
-    report = change_of(real_logs, "floor_table", "floor_gray", motor)
+    report = change_of(robotino, "floor_table", "floor_gray", motor)
     claims = {tuple(name for name in names if name not in RIPPLES) for names in report.candidates}
     assert ("coulomb_friction",) in claims
     assert claims <= {("coulomb_friction",), ("command_deadband",)}
     ripples = [values for name, values in report.model.effects.items() if cause_of(name) in RIPPLES]
-    assert [values["per_turn"] for values in ripples] in ([], [ROLLERS])
+    assert [values["per_turn"] for values in ripples] in ([], [PER_TURN])
     assert report.gap.after < 0.9 * report.gap.before
 
 
@@ -113,8 +106,8 @@ def test_the_micromouse_has_a_ceiling(real_logs: Path, name: str) -> None:
 
 
 @pytest.mark.slow
-def test_the_law_of_one_recording_keeps_the_delays_of_its_link(real_logs: Path) -> None:
-    data = of_robotino(real_logs, "bench_with_integral", "motor1")
+def test_the_law_of_one_recording_keeps_the_delays_of_its_link(robotino: Path) -> None:
+    data = read_dataset(robotino / "bench_with_integral/motor1")
     law, options = law_of(data, GapOptions(next_experiment=False))
     assert set(law.effects) == {"command_latency/jitter"}
     assert any("coulomb_friction" in note for note in options.notes)

@@ -32,7 +32,7 @@ EFFECTS = {
     **SET_POINT_EFFECTS,
     **LAW_EFFECTS,
     "load_inertia": {"ratio": st.floats(1.0, 40.0)},
-    "load_inertia/integral": {"ratio": st.floats(1.0, 1.001)},
+    "load_inertia/integral": {"ratio": st.floats(1.0, 40.0)},
     "weak_servo": {"servo_n_m_s_rad": st.floats(0.02, 20.0)},
     "backlash": {"gap_deg": st.floats(0.0, 20.0)},
     "backlash/rest": {"gap_deg": st.floats(0.0, 20.0), "slowing_rpm_s": st.floats(1.0, 1e5)},

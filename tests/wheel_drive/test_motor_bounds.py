@@ -93,8 +93,14 @@ def test_inertia_divides_what_a_controller_without_memory_changes(ratio):
 
 @pytest.mark.parametrize("integral", [False, True])
 @pytest.mark.parametrize("ratio", [1.0, 3.0, 25.0])
-def test_inertia_keeps_the_gain(ratio, integral):
-    assert loaded_law(FIRST_ORDER, ratio, integral=integral).dc_gain == pytest.approx(1.0)
+@pytest.mark.parametrize("gain", [0.8, 1.0, 1.3])
+def test_inertia_keeps_the_gain(ratio, integral, gain):
+    law = replace(FIRST_ORDER, D=gain * FIRST_ORDER.D)
+    loaded = loaded_law(law, ratio, integral=integral)
+    assert loaded.dc_gain == pytest.approx(gain)
+    # The command is another unit of the same speed.
+    unit = loaded_law(FIRST_ORDER, ratio, integral=integral)
+    np.testing.assert_allclose(loaded.coefficients[:3], unit.coefficients[:3], atol=1e-12)
 
 
 def test_a_drive_that_cannot_hold_the_inertia_is_refused():

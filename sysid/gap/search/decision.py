@@ -116,7 +116,9 @@ def collect(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
         one for one in as_good if one is chosen or needed(search, floor, one.fitted, inflation, rng)
     )
     # The runs may disagree about the size of the best one, and agree about that of another one as good.
-    as_good = tuple(sorted(as_good, key=lambda one: bool(doubtful(problem, one.fitted, inflation))))
+    sure = next((one for one in as_good if not doubtful(problem, one.fitted, inflation)), None)
+    if sure is not None:
+        as_good = (sure, *(one for one in as_good if one is not sure))
     chosen = as_good[0] if as_good else chosen
     as_good = with_fewer(search, floor, as_good, judged, inflation)
     as_good, consequences = without_consequences(problem.base, base.cost, as_good, judged)

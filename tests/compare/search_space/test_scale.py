@@ -7,13 +7,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mecanum_env.effects import CATALOGUE
-from mecanum_env.model import paper_model
+from mecanum_env.model import Model, paper_model
 from mecanum_env.units import FloatArray
 from sysid.compare.search_space import coordinate, scale_of, scanned
 from sysid.logs import BenchCommand, BodyCommand, Run
 
 DEAD_BAND = CATALOGUE["command_deadband"]
 ENDLESS = replace(paper_model(), wheel=replace(paper_model().wheel, saturation_rpm=np.inf))
+LIMITED = paper_model()
 
 
 def run_of(commands_rpm: FloatArray) -> Run:
@@ -21,10 +22,10 @@ def run_of(commands_rpm: FloatArray) -> Run:
     return Run("x.csv", "x", "fit", time_s, BenchCommand(commands_rpm), {"speed_rpm": commands_rpm})
 
 
-def thresholds(run: Run) -> FloatArray:
+def thresholds(run: Run, model: Model = ENDLESS) -> FloatArray:
     """Return the dead bands that a search tries [rpm], in rising order."""
-    parameter, scale = DEAD_BAND.parameters[0], scale_of(ENDLESS, (run,))
-    one = coordinate(ENDLESS, DEAD_BAND, parameter, scale)
+    parameter, scale = DEAD_BAND.parameters[0], scale_of(model, (run,))
+    one = coordinate(model, DEAD_BAND, parameter, scale)
     return np.sort([one.value(place) for place in scanned(parameter, one, scale)])
 
 
@@ -44,7 +45,14 @@ def test_commands_that_never_repeat_get_a_few_thresholds_over_their_range() -> N
     assert np.max(np.diff(found)) < 4.0
 
 
+def test_a_dead_band_between_commands_above_the_ceiling_is_tried() -> None:
+    commands = np.array([0.0, 60.0, 150.0, 200.0])
+    found = thresholds(run_of(commands), LIMITED)
+    assert LIMITED.wheel.saturation_rpm < 150.0
+    assert [np.count_nonzero(commands >= threshold) for threshold in found] == [2, 1]
+
+
 def test_a_robots_dead_band_is_tried_at_the_sizes_of_the_catalogue() -> None:
     numbers = np.array([0.0, 30.0, 60.0])
     run = replace(run_of(numbers), command=BodyCommand(numbers, numbers, numbers))
-    assert scale_of(paper_model(), (run,)).thresholds_rpm == ()
+    assert scale_of(LIMITED, (run,)).thresholds_rpm == ()

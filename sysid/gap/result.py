@@ -13,7 +13,7 @@ from mecanum_env.simulator import RobotPlant
 from mecanum_env.units import FloatArray
 from sysid.logs import Dataset, Finding, Split
 from sysid.logs.runs import Level
-from sysid.logs.tails import Tails
+from sysid.logs.tail_laws import Tails
 
 Verdict = Literal["no_gap", "named", "ambiguous", "unexplained"]
 """No significant gap; one smallest set of effects explains it; several equally well; none does."""

@@ -8,7 +8,8 @@ splits    repeats and groups; which runs fit, validate and test
 checks    findings in a log that a user should know; `quantities` refuses columns in other units
 findings  what a finding is, and its words; `describe` says all of a dataset
 noise     how much repeats differ
-tails     samples that count less: outliers, heavy tails, noise that grows with the speed
+tails     samples that count less: outliers, heavy tails, noise that grows with the speed; `tail_laws` has the
+          laws of noise and the step of a sensor, `neighbours` what they are judged by
 bodies    robots on any number of omni wheels
 of_fit    the logs that a model was fitted to
 writer    runs as files; `plots` draws them

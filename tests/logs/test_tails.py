@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from mecanum_env.units import FloatArray
 from sysid.logs import BenchCommand, Dataset, Run
+from sysid.logs.tail_laws import sensor_noise
 from sysid.logs.tails import weighted_down
 
 
@@ -70,3 +73,27 @@ def test_normal_noise_that_is_rounded_to_coarse_steps_has_no_tails() -> None:
     runs = [bench_run(np.round(rng.normal(0.3, 0.6, 1000) / 1.7) * 1.7, speed) for speed in (17.0, 34.0)]
     _, tails = weighted_down(dataset(*runs))
     assert not tails
+
+
+def test_counts_of_an_encoder_at_uneven_stamps_are_no_outliers() -> None:
+    rng = np.random.default_rng(6)
+    runs = []
+    for speed in (60.5, 88.5):
+        run = bench_run(np.zeros(600), speed)
+        # One count in a sampling interval is 4 rpm: few samples differ from the others, by a whole count.
+        stamps = run.time_s + rng.uniform(0.0, 2e-5, run.time_s.size)
+        counts = np.diff(np.floor(np.cumsum(run.channels["speed_rpm"] + 0.2) / 4.0), prepend=0.0)
+        measured = 4.0 * counts * 0.02 / np.diff(stamps, prepend=-0.02)
+        runs.append(replace(run, channels={"speed_rpm": np.round(measured, 2)}))
+    found, tails = weighted_down(dataset(*runs))
+    assert all(law.outliers == 0.0 for law in tails.values())
+    assert all(np.min(run.weights.get("speed_rpm", np.ones(1))) > 0.5 for run in found.runs)
+    assert sensor_noise(runs, "speed_rpm").step == pytest.approx(4.0, rel=0.1)
+
+
+def test_the_step_of_a_sensor_is_that_of_the_numbers_where_these_follow_a_law() -> None:
+    noise = np.round(np.random.default_rng(7).standard_t(3.0, 2000), 1)
+    found = sensor_noise([bench_run(noise)], "speed_rpm")
+    assert found.step == pytest.approx(0.1)
+    assert found.tails is not None
+    assert found.tails.freedom == pytest.approx(3.0, abs=1.0)

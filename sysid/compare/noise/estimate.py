@@ -20,6 +20,8 @@ from sysid.compare.noise.uneven import UnevenNoise, find_uneven
 from sysid.logs import Dataset, Run
 from sysid.logs.checks import SETTLED_S
 from sysid.logs.noise import noise_from_repeats
+from sysid.logs.tail_laws import sensor_noise, smallest_step
+from sysid.logs.tails import STEADY
 
 _LEAST_SAMPLES: Final = 20
 """Degrees of freedom that repeats, or second differences that held commands, must have to be used."""
@@ -268,14 +270,12 @@ def _pose_scatter(runs: Sequence[Run], name: str) -> tuple[float, int]:
 
 
 def _resolution(observations: Observations, blocks: list[Block]) -> float:
-    """Return the smallest step between a channel's values; 0 for displacements, which are computed."""
+    """Return the smallest step of a channel's sensor; 0 for displacements, which are computed."""
     channel = blocks[0].channel
     if channel in POSE:
         return 0.0
     runs = [run for block in blocks for run in observations.situations[block.situation].runs]
-    values = np.concatenate([run.channels[channel] for run in runs if channel in run.channels])
-    steps = np.diff(np.unique(values[np.isfinite(values)]))
-    return float(np.min(steps[steps > _LEAST], initial=math.inf)) if np.any(steps > _LEAST) else 0.0
+    return sensor_noise(runs, channel).step if channel in STEADY else smallest_step(runs, channel)
 
 
 def _correlated(

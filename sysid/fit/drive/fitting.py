@@ -24,7 +24,8 @@ from sysid.fit.drive.wheel_data import pooled, runs_by_split
 from sysid.fit.options import FitOptions
 from sysid.fit.statistics import residual
 from sysid.logs import Dataset
-from sysid.logs.tails import Tails, weighted_down
+from sysid.logs.tail_laws import Tails
+from sysid.logs.tails import weighted_down
 from sysid.progress import Progress
 
 _BESIDE: Final = 3.0

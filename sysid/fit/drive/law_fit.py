@@ -15,7 +15,7 @@ from sysid.fit.estimators import Estimate, WheelRun
 from sysid.fit.options import FitOptions
 from sysid.fit.statistics import MethodMetrics, ResidualTests, Runs, Uncertainty
 from sysid.logs import Dataset, Split
-from sysid.logs.tails import Tails
+from sysid.logs.tail_laws import Tails
 
 
 @dataclass(frozen=True)

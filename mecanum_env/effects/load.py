@@ -108,10 +108,10 @@ EFFECTS: Final = (
                 "slowing_rpm_s",
                 "rpm/s",
                 None,
-                (50.0, 1e5),
+                (5.0, 1e5),
                 (1.0, 1e7),
                 default=1e5,
-                scan=(250, 1000, 4000, 1e5),
+                scan=(30, 250, 1000, 4000, 1e5),
             ),
         ),
         summary="The motor turns through a gap at each reversal; meanwhile friction slows the wheel at this "

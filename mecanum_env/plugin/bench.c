@@ -17,17 +17,18 @@ typedef struct {
   const double* times;     // when they are given, from the start on, increasing [s]
   const double* values;    // held until the next [rpm]
   double initial;          // steady speed before the start, and command before the first [rpm]
+  double gap_share;        // place of the motor in the backlash before a start at rest, from -1 to 1
   const double* lost;      // voltage that the supply has lost in each substep [V]; NULL: none
 } Run;
 
-static void start_steady(Drive* s, const double* p, double speed) {
+static void start_steady(Drive* s, const double* p, double speed, double gap_share) {
   memset(s, 0, sizeof *s);
+  // The motor of a turning wheel has crossed the backlash, unless an elastic filling is at rest in its middle.
+  if (!(p[GAP_SWING] > 0)) s->gap = (speed > 0 ? 1 : speed < 0 ? -1 : gap_share) * p[GAP] / 2;
   if (speed == 0) return;
   s->w0 = s->w1 = s->w2 = s->r1 = s->r2 = s->ramp = s->sent = speed;
   s->setpoint = speed * RAD_S_PER_RPM;
   for (int i = 0; i < RING; i++) s->command[i] = speed;
-  // The motor of a turning wheel has crossed the backlash, unless an elastic filling is at rest in its middle.
-  if (!(p[GAP_SWING] > 0)) s->gap = (speed > 0 ? 1 : -1) * p[GAP] / 2;
 }
 
 // Simulate one run; return the number of substeps before it diverged. Speeds [rpm] are those at 0, h, 2 h ...
@@ -35,7 +36,7 @@ static int64_t simulate(const double* p, double inertia, double damping, double 
   // The inertia that an implicit step moves.
   const double moved = inertia + h * (p[SERVO] + damping);
   Drive s;
-  start_steady(&s, p, run->initial);
+  start_steady(&s, p, run->initial, run->gap_share);
   Substep now = {run->initial, run->initial * RAD_S_PER_RPM, h, 1, 0};
   int64_t given = 0;
   for (int64_t n = 0; n < run->steps; n++) {
@@ -64,11 +65,13 @@ static int64_t simulate(const double* p, double inertia, double damping, double 
 // run, and `reached` (sets, runs), the substeps before the state diverged, else all of them.
 EXPORT void mecanum_bench(int64_t sets, int64_t runs, double h, const double* parameters, const double* wheels,
                           const int64_t* first, const double* times, const double* values, const int64_t* steps,
-                          const double* initial, const double* lost, double* speeds, int64_t* reached) {
+                          const double* initial, const double* gap_share, const double* lost, double* speeds,
+                          int64_t* reached) {
   for (int64_t i = 0; i < sets; i++) {
     const double* given = lost;
     for (int64_t j = 0; j < runs; j++) {
-      Run run = {steps[j], first[j + 1] - first[j], times + first[j], values + first[j], initial[j], given};
+      Run run = {steps[j],          first[j + 1] - first[j], times + first[j],
+                 values + first[j], initial[j],              gap_share[j],     given};
       if (given) given += steps[j];
       *reached++ = simulate(parameters + i * N_NUMBERS, wheels[2 * i], wheels[2 * i + 1], h, &run, speeds);
       speeds += run.steps + 1;

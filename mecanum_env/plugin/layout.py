@@ -356,13 +356,16 @@ def state_slice(mjmodel: mujoco.MjModel, actuator_id: int) -> slice:
     return slice(start, start + STATE_SIZE)
 
 
-def set_steady(mjmodel: mujoco.MjModel, data: mujoco.MjData, speeds_rpm: npt.ArrayLike) -> None:
+def set_steady(
+    mjmodel: mujoco.MjModel, data: mujoco.MjData, speeds_rpm: npt.ArrayLike, gap_share: float = 0.0
+) -> None:
     """Put every wheel drive in steady motion, as after a long time at a constant command.
 
     The clocks start anew, so the next substep latches a command and ticks the law, and the servo's integral
     is 0. Joint speeds are not touched; set `data.qvel` to match.
 
-    Speeds are one number [rpm] for all wheel drives, or one for each in the order of the actuators.
+    Speeds are one number [rpm] for all wheel drives, or one for each in the order of the actuators. The
+    motor of a wheel at rest stands in its backlash at `gap_share`, from -1 to 1.
 
     Raises:
         InputError: the number of speeds does not fit, or a speed is not finite.
@@ -384,7 +387,8 @@ def set_steady(mjmodel: mujoco.MjModel, data: mujoco.MjData, speeds_rpm: npt.Arr
             # The motor of a turning wheel has crossed the backlash; an elastic filling rests in its middle.
             user = mjmodel.actuator_user[actuator]
             elastic = mjmodel.nuser_actuator > _GAP_SWING and user[_GAP_SWING] > 0.0
-            state[STATE.index("gap")] = 0.0 if elastic else np.sign(speed) * user[_GAP] / 2
+            place = np.sign(speed) or gap_share
+            state[STATE.index("gap")] = 0.0 if elastic else place * user[_GAP] / 2
 
 
 def drive_state(mjmodel: mujoco.MjModel, data: mujoco.MjData) -> dict[str, FloatArray]:

@@ -34,10 +34,17 @@ class HeldCommands:
     """The commands [rpm], finite, of the same shape."""
     initial_rpm: FloatArray
     """Each run's steady speed before its start, and its command before the first, shape (runs,)."""
+    gap_share: FloatArray
+    """Where the motor of each run that starts at rest stands in its backlash, from -1 to 1, shape (runs,)."""
 
     @staticmethod
-    def of(runs: Sequence[tuple[FloatArray, FloatArray, float]]) -> HeldCommands:
-        """Return the commands of `runs`, each as times (m,) [s], commands (m,) [rpm], initial speed [rpm]."""
+    def of(
+        runs: Sequence[tuple[FloatArray, FloatArray, float]], gap_share: npt.ArrayLike = 0.0
+    ) -> HeldCommands:
+        """Return the commands of `runs`, each as times (m,) [s], commands (m,) [rpm], initial speed [rpm].
+
+        `gap_share` is one number or one for each run.
+        """
         first = np.cumsum([0, *(len(times) for times, _, _ in runs)], dtype=np.int64)
         times, values, initial = zip(*runs, strict=True)
         return HeldCommands(
@@ -45,6 +52,7 @@ class HeldCommands:
             np.concatenate(times, dtype=float),
             np.concatenate(values, dtype=float),
             np.array(initial, float),
+            np.array(np.broadcast_to(gap_share, len(initial)), float),
         )
 
 
@@ -82,8 +90,9 @@ def free_wheels(
         raise ValueError(f"lost voltages of shape {lost.shape}, must be one for each of the steps")
     speeds = np.empty((sets, int(np.sum(counts)) + runs))
     reached = np.empty((sets, runs), np.int64)
-    given = (commands.first, commands.times_s, commands.values_rpm, counts, commands.initial_rpm)
-    arrays = (rows, bodies, *given, lost, speeds, reached)
+    given = (commands.first, commands.times_s, commands.values_rpm, counts)
+    starts = (commands.initial_rpm, commands.gap_share)
+    arrays = (rows, bodies, *given, *starts, lost, speeds, reached)
     pointers = (None if array is None else array.ctypes.data for array in arrays)
     _library().mecanum_bench(sets, runs, timestep_s, *pointers)
     return speeds, reached
@@ -129,7 +138,7 @@ def _library() -> ctypes.CDLL:
     require_current(path)
     library = ctypes.CDLL(str(path))
     count, real, array = ctypes.c_int64, ctypes.c_double, ctypes.c_void_p
-    library.mecanum_bench.argtypes = [count, count, real, *[array] * 10]
+    library.mecanum_bench.argtypes = [count, count, real, *[array] * 11]
     library.mecanum_bench.restype = None
     library.mecanum_evaluate.argtypes, library.mecanum_evaluate.restype = [array, count, array, array], None
     library.mecanum_parameter.argtypes, library.mecanum_parameter.restype = [count], ctypes.c_char_p

@@ -38,6 +38,7 @@ def replay_bench(
     wheel: str | None = None,
     mj_model: mujoco.MjModel | None = None,
     battery_v: FloatArray | None = None,
+    gap_share: float = 0.0,
 ) -> FloatArray:
     """Replay a bench log's commands on the free wheel and return its speed [rpm] at the log's samples.
 
@@ -55,6 +56,7 @@ def replay_bench(
         mj_model: `compile_bench` of the same model and wheel, if MuJoCo itself is to simulate it.
         battery_v: the supply's voltage [V] at the stamps, shape (n,), NaN where a sample is missing; by
             default it stays what it is at the start.
+        gap_share: where the motor of a wheel at rest stands in its backlash at the start, from -1 to 1.
 
     The speed, shape (m,), is as measured, and linear between physics steps.
 
@@ -67,7 +69,8 @@ def replay_bench(
     _check_log(time_s, command_rpm, samples, initial_rpm)
     start = float(time_s[0])
     duration = float(np.max(samples)) - start
-    run = BenchRun(time_s, command_rpm, duration, initial_rpm, Supply.logged(time_s - start, battery_v))
+    supply = Supply.logged(time_s - start, battery_v)
+    run = BenchRun(time_s, command_rpm, duration, initial_rpm, supply, gap_share)
     if mj_model is None:
         clock, true = bench_motions([model], [run], wheel=wheel)[0][0]
     else:

@@ -87,6 +87,8 @@ class BenchRun:
     initial_rpm: float = 0.0
     supply: Supply | None = None
     """The supply's voltage; None: it stays what it is at the start."""
+    gap_share: float = 0.0
+    """Where the motor of a wheel at rest stands in its backlash when the run starts, from -1 to 1."""
 
     @cached_property
     def given(self) -> tuple[FloatArray, FloatArray, float]:
@@ -100,7 +102,7 @@ class BenchRuns:
 
     def __init__(self, runs: Sequence[BenchRun]) -> None:
         self.runs = tuple(runs)
-        self.commands = HeldCommands.of([run.given for run in runs])
+        self.commands = HeldCommands.of([run.given for run in runs], [run.gap_share for run in runs])
         self._clocks: dict[float, _Clocks] = {}
 
     def clocks(self, timestep_s: float) -> _Clocks:
@@ -184,8 +186,8 @@ def mujoco_bench_motion(mj_model: mujoco.MjModel, run: BenchRun) -> tuple[FloatA
     clock = np.arange(_steps(run.duration_s, step) + 1) * step
     ctrl = held_command(run.time_s, run.command_rpm, clock, run.initial_rpm)
     data = mujoco.MjData(mj_model)
-    if run.initial_rpm != 0.0:
-        set_steady(mj_model, data, run.initial_rpm)
+    if run.initial_rpm != 0.0 or run.gap_share != 0.0:
+        set_steady(mj_model, data, run.initial_rpm, run.gap_share)
         data.qvel[:] = run.initial_rpm * RAD_S_PER_RPM
     lost = None if run.supply is None else run.supply.lost_at(clock[:-1])
     _, qvel = step_through(mj_model, data, ctrl[:, None], lost_v=lost)

@@ -57,8 +57,11 @@ class DriveState:
     """Substeps so far; a batch may hold drives that started at different times."""
 
     @staticmethod
-    def steady(p: Sets, initial_rpm: FloatArray) -> DriveState:
-        """Return drives that have long held steady speeds [rpm], shape (runs,), with parameters `p`."""
+    def steady(p: Sets, initial_rpm: FloatArray, gap_share: FloatArray | float = 0.0) -> DriveState:
+        """Return drives that have long held steady speeds [rpm], shape (runs,), with parameters `p`.
+
+        Motors at rest stand in their backlash at `gap_share`, from -1 to 1, one number or shape (runs,).
+        """
         shape = (p["gain"].shape[0], initial_rpm.size)
         state = DriveState(**{f.name: np.zeros(shape) for f in fields(DriveState) if f.init})
         state.command = np.tile(initial_rpm[None, :, None], (shape[0], 1, RING))
@@ -67,7 +70,8 @@ class DriveState:
             getattr(state, name)[:] = initial_rpm
         state.setpoint[:] = initial_rpm * RAD_S_PER_RPM
         # The motor of a turning wheel has crossed the backlash; an elastic filling rests in its middle.
-        crossed = np.sign(initial_rpm) * p["gap_rad"] / 2
+        place = np.where(initial_rpm == 0.0, gap_share, np.sign(initial_rpm))
+        crossed = place * p["gap_rad"] / 2
         state.gap[:] = np.where(p["gap_swing_rad_s"] > 0.0, 0.0, crossed)
         return state
 

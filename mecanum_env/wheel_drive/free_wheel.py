@@ -22,6 +22,7 @@ def free_wheel_speeds(
     command_rpm: FloatArray,
     initial_rpm: FloatArray,
     lost_v: FloatArray | None = None,
+    gap_share: FloatArray | float = 0.0,
 ) -> FloatArray:
     """Return the speeds of free wheels [rpm], at the start and after each substep, shape (sets, runs, n + 1).
 
@@ -35,12 +36,13 @@ def free_wheel_speeds(
         command_rpm: command in each substep [rpm], shape (runs, n).
         initial_rpm: steady speed before the start [rpm], shape (runs,).
         lost_v: voltage that the supply has lost in each substep [V], shape (runs, n); none by default.
+        gap_share: where motors at rest stand in their backlash at the start, from -1 to 1, shape (runs,).
     """
     p, h = by_name(parameters), timestep_s
     inertia, damping = np.asarray(wheels, float).T[:, :, None]
     # The inverse of the inertia that an implicit step moves.
     mobility = 1 / (inertia + h * (p["servo_n_m_s_rad"] + damping))
-    s = DriveState.steady(p, np.asarray(initial_rpm, float))
+    s = DriveState.steady(p, np.asarray(initial_rpm, float), gap_share)
     speed = np.broadcast_to(initial_rpm * RAD_S_PER_RPM, s.w0.shape)
     speeds = np.empty((*speed.shape, command_rpm.shape[1] + 1))
     speeds[..., 0] = speed / RAD_S_PER_RPM

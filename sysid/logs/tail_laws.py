@@ -127,7 +127,7 @@ def smallest_step(runs: Sequence[Run], name: str) -> float:
 
 
 def law_of(values: FloatArray, level: FloatArray, step: float) -> Tails:
-    """Return the law that makes `values`, differences between neighbours, at speeds `level`, (n,), most likely.
+    """Return the law that makes `values` (n,), differences between neighbours at speeds `level`, most likely.
 
     Normal noise that is the same at all speeds is preferred. The scale is no finer than that of rounding to a
     `step`, which alone may leave most differences at 0.

@@ -13,7 +13,7 @@ from mecanum_env.simulator.free_wheel import BenchRun, BenchRuns, FreeWheel
 from sysid.compare.measured import observe
 from sysid.compare.noise import measure_noise
 from sysid.compare.predicted import Simulator
-from sysid.compare.predicted.prediction import Motion
+from sysid.compare.predicted.motion import Motion
 from sysid.gap.result import GapOptions
 from sysid.gap.workflow import analyse
 from tests.gap.conftest import NOISE_RPM, MakeLogs

@@ -104,10 +104,11 @@ def random_map(rng):
     return knots.tolist(), values.tolist()
 
 
-def loop(rows, wheels, timestep, commands, initial, lost_v=None):
+def loop(rows, wheels, timestep, commands, initial, lost_v=None, gap_share=0.0):
     """Return what the library's loop gives, shape (sets, runs, steps + 1)."""
     times = np.arange(commands.shape[1]) * timestep
-    held = HeldCommands.of([(times, row, float(speed)) for row, speed in zip(commands, initial, strict=True)])
+    runs = [(times, row, float(speed)) for row, speed in zip(commands, initial, strict=True)]
+    held = HeldCommands.of(runs, gap_share)
     steps = np.full(len(commands), commands.shape[1])
     speeds, _ = free_wheels(rows, wheels, timestep, held, steps, None if lost_v is None else lost_v.ravel())
     return speeds.reshape(len(rows), len(commands), -1)
@@ -144,8 +145,9 @@ def test_sets_and_runs_at_once_equal_the_loop_bit_for_bit(stable_law, seed, time
     for row in rows:
         assert refusal(row, timestep) is None
     lost_v = np.repeat(rng.uniform(-1.0, 4.0, (3, STEPS // 10)), 10, axis=1)
-    found = free_wheel_speeds(rows, wheels, timestep, commands, initial, lost_v)
-    np.testing.assert_array_equal(found, loop(rows, wheels, timestep, commands, initial, lost_v))
+    starts = rng.uniform(-1.0, 1.0, 3)
+    found = free_wheel_speeds(rows, wheels, timestep, commands, initial, lost_v, starts)
+    np.testing.assert_array_equal(found, loop(rows, wheels, timestep, commands, initial, lost_v, starts))
 
 
 @pytest.mark.parametrize("also", [{}, {"inertia_kg_m2": 0.0}])

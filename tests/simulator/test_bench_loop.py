@@ -69,7 +69,8 @@ def random_run(rng: np.random.Generator, initial_rpm: float = 0.0) -> BenchRun:
     command = np.where(rng.random(12) < 0.1, np.nan, rng.uniform(-140.0, 140.0, 12))
     duration_s = float(time[-1] - time[0]) + rng.uniform(0.0, 0.5)
     falling = Supply(time - time[0], np.cumsum(rng.uniform(-0.5, 0.2, 12)))
-    return BenchRun(time, command, duration_s, initial_rpm, rng.choice([None, falling]))
+    supply, gap_share = rng.choice([None, falling]), rng.uniform(-1.0, 1.0)
+    return BenchRun(time, command, duration_s, initial_rpm, supply, gap_share)
 
 
 def by_mujoco(model, run, timestep_s=None):
@@ -134,8 +135,8 @@ def reference_speed(model, run, clock):
     row = chain_parameters(changed, None, NO_TORQUE_LIMIT, wheel_inertia(changed.robot))
     wheel = row[CHAIN.index("inertia_kg_m2")], drive_parameters(changed).load.viscous_n_m_s_rad
     lost_v = None if run.supply is None else run.supply.lost_at(clock[:-1])[None]
-    speeds = free_wheel_speeds(row[None], np.array([wheel]), step, held[None], np.array([initial]), lost_v)
-    return speeds[0, 0]
+    started = (held[None], np.array([initial]), lost_v, run.gap_share)
+    return free_wheel_speeds(row[None], np.array([wheel]), step, *started)[0, 0]
 
 
 def test_models_and_runs_of_one_call_do_not_disturb_each_other(paper):

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Hashable, Iterable, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Final, TypeVar
 
@@ -25,12 +25,14 @@ from mecanum_env.simulator import (
     compile_plant,
     drive,
 )
-from mecanum_env.simulator.free_wheel import BenchRun, BenchRuns, FreeWheel, wheel_motions
+from mecanum_env.simulator.free_wheel import BenchRun, BenchRuns, FreeWheel
 from mecanum_env.simulator.robot import standing
 from mecanum_env.simulator.supply import Supply
 from mecanum_env.simulator.trajectory import CHANNELS
 from mecanum_env.units import FloatArray
 from sysid.compare.measured import Start, start_of
+from sysid.compare.predicted.gap_start import SeenSpeed, motions_from_gap, starts_in_gap
+from sysid.compare.predicted.motion import Motion, bench_motions_of
 from sysid.logs import BodyCommand, Run
 
 _LEAD_S: Final = 1.5
@@ -60,22 +62,6 @@ class SimulationSettings:
         return map_in_threads(work, items, self.jobs)
 
 
-@dataclass(frozen=True, eq=False)
-class Motion:
-    """The motion in a run: the true one, or as sensors see it."""
-
-    time_s: FloatArray
-    """Physics clock from the start of the simulation [s], shape (n,)."""
-    channels: Mapping[str, FloatArray]
-    """Column of a log -> values on that clock, shape (n,)."""
-    lead_s: float = 0.0
-    """Time simulated before the log starts [s]."""
-
-    def seen_by(self, sensors: Sensors) -> Motion:
-        """Return what the sensors show of the motion."""
-        return replace(self, channels=sensors(self.time_s, self.channels))
-
-
 def compile_robot(model: Model, settings: SimulationSettings) -> mujoco.MjModel:
     """Compile the robot that `motion_of` simulates, without visuals and without computing its sensors.
 
@@ -103,7 +89,8 @@ def predict(
 ) -> dict[str, FloatArray]:
     """Return what a model predicts for a run: channel -> values at the run's rows, each of shape (n,).
 
-    A robot's predicted pose starts at the measured one. The default start is `start_of` the run.
+    A robot's predicted pose starts at the measured one, and the motor of a gear with backlash where the run
+    shows it to start. The default start is `start_of` the run.
 
     Raises:
         InputError: an effect that cannot be simulated.
@@ -126,7 +113,7 @@ def predict_all(
     """
     begun = [start_of(run) for run in runs] if starts is None else starts
     sensors, pairs = sensors_of(model), list(zip(runs, begun, strict=True))
-    motions = _motions_of(without_sensors(model), pairs, settings)
+    motions = _motions_of(without_sensors(model), pairs, settings, sensors)
     return [
         readings(motion.seen_by(sensors), run, start)
         for motion, (run, start) in zip(motions, pairs, strict=True)
@@ -142,16 +129,18 @@ def motion_of(
         InputError: an effect that cannot be simulated.
         SimulationDivergedError: the state stopped being finite.
     """
-    return _motions_of(model, [(run, start)], settings)[0]
+    return _motions_of(model, [(run, start)], settings, sensors_of(model))[0]
 
 
 def _motions_of(
-    model: Model, runs: Sequence[tuple[Run, Start]], settings: SimulationSettings
+    model: Model, runs: Sequence[tuple[Run, Start]], settings: SimulationSettings, sensors: Sensors
 ) -> list[Motion]:
     if runs[0][0].level == "bench":
-        period = model.wheel.command_period_s
+        period, wheel = model.wheel.command_period_s, FreeWheel.of(model, timestep_s=settings.timestep_s)
         asked = [bench_run(run, start, period, supply_of(run)) for run, start in runs]
-        return bench_motions_of(FreeWheel.of(model, timestep_s=settings.timestep_s), BenchRuns(asked))
+        if starts_in_gap(wheel):
+            return motions_from_gap(wheel, asked, [SeenSpeed.of([run]) for run, _ in runs], sensors)
+        return bench_motions_of(wheel, BenchRuns(asked))
     by_voltage = follows_voltage(model)
     robots: dict[float, CompiledRobot] = {}
     motions: dict[Hashable, Motion] = {}
@@ -187,16 +176,6 @@ def bench_run(run: Run, start: Start, command_period_s: float, supply: Supply | 
     """
     since = run.held_since(command_period_s)
     return BenchRun(since, run.command.wheels_rpm[:, 0], run.duration_s, start.initial_rpm, supply)
-
-
-def bench_motions_of(wheel: FreeWheel, runs: BenchRuns) -> list[Motion]:
-    """Return `motion_of` a free wheel in each of the `runs`, simulated together.
-
-    Raises:
-        SimulationDivergedError: the state stopped being finite.
-    """
-    (found,) = wheel_motions([wheel], runs)
-    return [Motion(clock, {"speed_rpm": speed}) for clock, speed in found]
 
 
 class CompiledRobot:

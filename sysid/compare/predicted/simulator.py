@@ -14,17 +14,18 @@ import mujoco
 import numpy as np
 
 from mecanum_env.effects import CATALOGUE
-from mecanum_env.effects.apply import sensors_of, without_sensors
+from mecanum_env.effects.apply import Sensors, sensors_of, without_sensors
 from mecanum_env.model import Model
 from mecanum_env.simulator.free_wheel import FreeWheel
 from mecanum_env.units import FloatArray
 from sysid.compare.measured import Observations
+from sysid.compare.predicted.gap_start import SeenSpeed, motions_from_gap, starts_in_gap
 from sysid.compare.predicted.groups import Alike, Groups
+from sysid.compare.predicted.motion import Motion, bench_motions_of
 from sysid.compare.predicted.prediction import (
     CompiledRobot,
-    Motion,
     SimulationSettings,
-    bench_motions_of,
+    bench_run,
     follows_voltage,
     in_run_frame,
     readings,
@@ -83,12 +84,14 @@ class Simulator:
     def _predict(self, model: Model, key: Hashable) -> list[FloatArray]:
         situations = self.observations.situations
         alone, sensors = without_sensors(model), sensors_of(model)
-        motions = self._remembered(
-            self._motions,
-            key if alone is model else model_key(alone),
-            lambda: self._simulate(alone),
-            _MOTIONS_KEPT,
-        )
+        motions = self._from_gap(alone, sensors)
+        if motions is None:
+            motions = self._remembered(
+                self._motions,
+                key if alone is model else model_key(alone),
+                lambda: self._simulate(alone),
+                _MOTIONS_KEPT,
+            )
         # Situations with the same commands share a motion, which is seen once.
         seen = {id(motion): motion.seen_by(sensors) for motion in motions}
         channels = [
@@ -122,6 +125,23 @@ class Simulator:
             while len(kept) > most:
                 kept.popitem(last=False)
         return found
+
+    def _from_gap(self, model: Model, sensors: Sensors) -> list[Motion] | None:
+        """Return the motions of a wheel that starts anywhere in a gap, which sensors see; None of another."""
+        situations = self.observations.situations
+        if situations[0].runs[0].level != "bench":
+            return None
+        wheel = FreeWheel.of(model, timestep_s=self.settings.timestep_s)
+        if not starts_in_gap(wheel):
+            return None
+        period = model.wheel.command_period_s
+        asked = [bench_run(one.runs[0], one.start, period, supply_of(one.runs[0])) for one in situations]
+        return motions_from_gap(wheel, asked, self._seen, sensors)
+
+    @cached_property
+    def _seen(self) -> list[SeenSpeed]:
+        """The measured speeds of bench logs."""
+        return [SeenSpeed.of(situation.runs) for situation in self.observations.situations]
 
     def _simulate(self, model: Model) -> list[Motion]:
         if self.observations.situations[0].runs[0].level == "bench":

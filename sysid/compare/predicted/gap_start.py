@@ -24,7 +24,7 @@ from sysid.logs import Run
 
 _SPEED: Final = "speed_rpm"
 _GAP, _SWING = CHAIN.index("gap_rad"), CHAIN.index("gap_swing_rad_s")
-_PLACES: Final = (-1.0, 1.0, -0.5, 0.5, -0.25, 0.25)
+_PLACES: Final = (-1.0, -0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0)
 """Places that are tried first beside the middle, from -1 to 1."""
 _FINER: Final = (0.125, 0.0625)
 """Distances from the best place at which it is looked for again."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from mecanum_env.model import paper_model
@@ -23,6 +23,7 @@ def run_from(gap_share: float, name: str = "a", model=LOOSE, noise_rpm: float = 
 
 
 @given(gap_share=st.floats(-1.0, 1.0))
+@example(gap_share=-0.8125)
 def test_a_prediction_starts_where_the_run_shows_it_to(gap_share: float) -> None:
     run = run_from(gap_share, noise_rpm=0.1)
     # The last distance at which the place is looked for is a sixteenth of half the gap.

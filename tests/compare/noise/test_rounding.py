@@ -1,11 +1,14 @@
-"""Which part of a coarse sensor's rounding error repeats share, from how much they differ."""
+"""Coarse sensors: the part of their rounding error that repeats share, and the least noise."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
+from sysid.compare.measured import observe
+from sysid.compare.noise import measure_noise
 from sysid.compare.noise.estimate import shared_rounding
+from sysid.logs import BenchCommand, Dataset, Run
 
 
 def rounded_repeats(noise: float, step: float, repeats: int = 400) -> tuple[float, float]:
@@ -32,3 +35,16 @@ def test_without_noise_the_whole_rounding_error_is_shared() -> None:
 def test_much_noise_and_fine_sensors_leave_nothing_shared() -> None:
     assert shared_rounding(1.0, 1.0) < 1e-6
     assert shared_rounding(1.0, 0.0) == 0.0
+
+
+def test_counts_that_are_filtered_before_they_are_logged_are_no_less_noisy_than_rounding() -> None:
+    time = 0.02 * np.arange(600)
+    command = np.where(time > 0.2, 60.4, 0.0)
+    counted = 4.0 * np.diff(np.floor(np.cumsum(command) / 4.0), prepend=0.0)
+    filtered = np.copy(counted)
+    for k in range(1, time.size):
+        filtered[k] = 0.1 * filtered[k - 1] + 0.9 * counted[k]
+    run = Run("a.csv", "a", "fit", time, BenchCommand(command), {"speed_rpm": filtered})
+    logs = Dataset("logs", (run,), ())
+    # The numbers differ by far less than a count, and most neighbours by hardly anything.
+    assert measure_noise(logs, observe(logs)).sigma["speed_rpm"] > 0.8 * 4.0 / np.sqrt(12.0)

@@ -7,6 +7,7 @@ r|^2 is the sum of squares that remains after the model's own error has explaine
 
 from __future__ import annotations
 
+import math
 from collections.abc import Hashable, Sequence
 from dataclasses import replace
 from typing import Final
@@ -14,6 +15,7 @@ from typing import Final
 import numpy as np
 
 from mecanum_env.effects import CATALOGUE
+from mecanum_env.effects.apply import without_sensors
 from mecanum_env.errors import MecanumError
 from mecanum_env.model import Model, cause_of
 from mecanum_env.units import FloatArray
@@ -22,6 +24,7 @@ from sysid.compare.least_squares.phases import with_unknown_phases
 from sysid.compare.least_squares.ripple import WheelAngleRipple
 from sysid.compare.model_error import Learned, RepeatedCommands, Whitener, plausible_models, shape_columns
 from sysid.compare.predicted import (
+    START_PRICE,
     Averaged,
     SimulationSettings,
     Simulator,
@@ -159,9 +162,18 @@ class ResidualProblem:
                 return None
 
         blocks, whitener = self.observations.blocks, self.whitener
-        return with_unknown_phases(
+        residual = with_unknown_phases(
             predictions_of, whitener.whiten, self.measured, model, blocks, whitener.slices
         )
+        if residual is None or not isinstance(simulator, Simulator):
+            return residual
+        # What the unknown starts cost is spread over the residual as a factor, as that of unknown phases is.
+        starts = simulator.unknown_starts(without_sensors(model))
+        for block, part in zip(blocks, whitener.slices, strict=True):
+            square = float(residual[part] @ residual[part])
+            if block.situation in starts and square > 0.0:
+                residual[part] *= math.sqrt(1.0 + START_PRICE / square)
+        return residual
 
     def surrogate_residual(self, model: Model) -> FloatArray | None:
         """Return the whitened residual (N,) of a model on the planar plant; on the bench that of `residual`.

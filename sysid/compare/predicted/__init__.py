@@ -1,5 +1,6 @@
 """What a model predicts for logs: their commands simulated, as the model's sensors see the motion."""
 
+from sysid.compare.predicted.gap_start import START_PRICE
 from sysid.compare.predicted.prediction import SimulationSettings, motion_of, predict, predict_all, readings
 from sysid.compare.predicted.simulator import (
     Averaged,
@@ -11,6 +12,7 @@ from sysid.compare.predicted.simulator import (
 )
 
 __all__ = [
+    "START_PRICE",
     "Averaged",
     "SimulationSettings",
     "Simulator",

@@ -29,6 +29,9 @@ _PLACES: Final = (-1.0, -0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0)
 _FINER: Final = (0.125, 0.0625)
 """Distances from the best place at which it is looked for again."""
 _NONE: Final = 1e-12  # squared error that is none [rpm^2]
+START_PRICE: Final = 2.0 * math.log(1 + len(_PLACES))
+"""Minus twice the logarithm of the prior probability of a place, of those that are tried first: so much less
+does a run tell for a gap whose place it must show first."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -126,13 +126,28 @@ class Simulator:
                 kept.popitem(last=False)
         return found
 
-    def _from_gap(self, model: Model, sensors: Sensors) -> list[Motion] | None:
-        """Return the motions of a wheel that starts anywhere in a gap, which sensors see; None of another."""
+    def unknown_starts(self, model: Model) -> frozenset[int]:
+        """Return the situations in which a model's wheel starts at a place in its gap that nobody knows.
+
+        Raises:
+            InputError: an effect that cannot be simulated, or a value out of range.
+        """
+        if self._wheel_in_gap(model) is None:
+            return frozenset()
         situations = self.observations.situations
-        if situations[0].runs[0].level != "bench":
+        return frozenset(i for i, one in enumerate(situations) if one.start.initial_rpm == 0.0)
+
+    def _wheel_in_gap(self, model: Model) -> FreeWheel | None:
+        """Return a model's wheel on the bench, if it starts anywhere in a gap."""
+        if self.observations.situations[0].runs[0].level != "bench":
             return None
         wheel = FreeWheel.of(model, timestep_s=self.settings.timestep_s)
-        if not starts_in_gap(wheel):
+        return wheel if starts_in_gap(wheel) else None
+
+    def _from_gap(self, model: Model, sensors: Sensors) -> list[Motion] | None:
+        """Return the motions of a wheel that starts anywhere in a gap, which sensors see; None of another."""
+        wheel, situations = self._wheel_in_gap(model), self.observations.situations
+        if wheel is None:
             return None
         period = model.wheel.command_period_s
         asked = [bench_run(one.runs[0], one.start, period, supply_of(one.runs[0])) for one in situations]

@@ -1,0 +1,64 @@
+"""What it costs a set that nobody knows where in a gap its runs start."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mecanum_env.model import paper_model
+from mecanum_env.simulator import replay_bench
+from sysid.compare.least_squares import ResidualProblem
+from sysid.compare.measured import observe
+from sysid.compare.model_error import Whitener
+from sysid.compare.noise import measure_noise
+from sysid.compare.predicted import START_PRICE
+from sysid.logs import BenchCommand, Dataset, Run
+
+TIME = np.arange(0.0, 2.0, 0.01)
+COMMAND = np.where(TIME < 0.2, 0.0, 60.0)
+RUNS = 5
+
+
+@pytest.fixture(scope="module")
+def problem() -> ResidualProblem:
+    """Return the problem of the paper's wheel in logs of itself, with noise."""
+    rng, speed = np.random.default_rng(1), replay_bench(paper_model(), TIME, COMMAND)
+    runs = [
+        Run(
+            f"{i}.csv",
+            "a",
+            "fit",
+            TIME,
+            BenchCommand(COMMAND),
+            {"speed_rpm": speed + rng.normal(size=TIME.size)},
+        )
+        for i in range(RUNS)
+    ]
+    # Stamps of their own: each run is compared by itself.
+    runs = [Run(**{**vars(run), "time_s": TIME + 1e-4 * i}) for i, run in enumerate(runs)]
+    logs = Dataset("logs", tuple(runs), ())
+    observations = observe(logs)
+    return ResidualProblem(paper_model(), Whitener(observations, measure_noise(logs, observations), None))
+
+
+def squares(problem: ResidualProblem, gap_deg: float, form: str = "coast") -> float:
+    residual = problem.residual(paper_model().with_effect("backlash", form, gap_deg=gap_deg))
+    assert residual is not None
+    return float(residual @ residual)
+
+
+def test_a_gap_that_changes_nothing_costs_the_price_of_a_start_for_each_run(problem: ResidualProblem) -> None:
+    plain = float(problem.base_residual @ problem.base_residual)
+    assert squares(problem, 1e-9) == pytest.approx(plain + RUNS * START_PRICE, rel=1e-6)
+
+
+def test_no_gap_and_one_with_an_elastic_filling_cost_nothing(problem: ResidualProblem) -> None:
+    plain = float(problem.base_residual @ problem.base_residual)
+    assert squares(problem, 0.0) == pytest.approx(plain, rel=1e-12)
+    assert squares(problem, 1e-9, "spring") == pytest.approx(plain, rel=1e-6)
+
+
+def test_starts_that_are_chosen_do_not_pay_for_a_gap_that_is_not_there(problem: ResidualProblem) -> None:
+    plain = float(problem.base_residual @ problem.base_residual)
+    for gap_deg in (0.1, 0.5, 2.0):
+        assert squares(problem, gap_deg) > plain

@@ -24,12 +24,16 @@ from sysid.logs import Run
 
 _SPEED: Final = "speed_rpm"
 _GAP, _SWING = CHAIN.index("gap_rad"), CHAIN.index("gap_swing_rad_s")
-_PLACES: Final = (-1.0, -0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0)
-"""Places that are tried first beside the middle, from -1 to 1."""
+_ENDS: Final = (-1.0, 1.0)
+_BETWEEN: Final = (-0.75, -0.5, -0.25, 0.25, 0.5, 0.75)
+"""Places that are tried beside the middle and the ends, where the ends matter at all."""
+_HARDLY: Final = 0.1
+"""Twice the log likelihood ratio by which a start at either end is no other than in the middle: then
+no place between them is. Assumed."""
 _FINER: Final = (0.125, 0.0625)
 """Distances from the best place at which it is looked for again."""
 _NONE: Final = 1e-12  # squared error that is none [rpm^2]
-START_PRICE: Final = 2.0 * math.log(1 + len(_PLACES))
+START_PRICE: Final = 2.0 * math.log(1 + len(_ENDS) + len(_BETWEEN))
 """Minus twice the logarithm of the prior probability of a place, of those that are tried first: so much less
 does a run tell for a gap whose place it must show first."""
 
@@ -60,9 +64,9 @@ class SeenSpeed:
         predicted = np.interp(self.time_s, motion.time_s, motion.channels[_SPEED])
         return float(self.weight @ (self.value_rpm - predicted) ** 2)
 
-    def tells(self, before: float, after: float) -> bool:
-        """Return whether `squares` that are `after` instead of `before` are smaller by more than chance."""
-        return self.value_rpm.size * math.log(max(before, _NONE) / max(after, _NONE)) > VERY_STRONG
+    def evidence(self, before: float, after: float) -> float:
+        """Return twice the logarithm of the likelihood ratio of `squares` that are `after` and `before`."""
+        return self.value_rpm.size * math.log(max(before, _NONE) / max(after, _NONE))
 
 
 def starts_in_gap(wheel: FreeWheel) -> bool:
@@ -98,10 +102,14 @@ def motions_from_gap(
 
     middle = tried([(i, 0.0) for i in range(len(runs))])
     free = [i for i, run in enumerate(runs) if run.initial_rpm == 0.0 and seen[i].value_rpm.size]
-    best = list(middle)
-    for one in tried([(i, place) for i in free for place in _PLACES]):
+    best, matters = list(middle), set()
+    for one in tried([(i, place) for i in free for place in _ENDS]):
         best[one.run] = min(best[one.run], one, key=_squares)
-    shown = [i for i in free if seen[i].tells(middle[i].squares, best[i].squares)]
+        if abs(seen[one.run].evidence(middle[one.run].squares, one.squares)) > _HARDLY:
+            matters.add(one.run)
+    for one in tried([(i, place) for i in free if i in matters for place in _BETWEEN]):
+        best[one.run] = min(best[one.run], one, key=_squares)
+    shown = [i for i in free if seen[i].evidence(middle[i].squares, best[i].squares) > VERY_STRONG]
     for step in _FINER:
         ends = [(i, best[i].place + off) for i in shown for off in (-step, step)]
         for one in tried([(i, place) for i, place in ends if abs(place) <= 1.0]):

@@ -62,7 +62,8 @@ def replay_bench(
 
     Raises:
         InputError: arrays of different lengths, stamps that do not increase, times or an initial speed that
-            are not finite, samples before the first stamp, or an effect that the bench cannot simulate.
+            are not finite, samples before the first stamp, a place outside of the backlash, or an effect that
+            the bench cannot simulate.
         SimulationDivergedError: the state stopped being finite.
     """
     samples = time_s if sample_times_s is None else sample_times_s

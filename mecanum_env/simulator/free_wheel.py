@@ -79,7 +79,11 @@ def compile_bench(model: Model, wheel: str | None = None, timestep_s: float | No
 
 @dataclass(frozen=True, eq=False)
 class BenchRun:
-    """Commands to replay on the bench, as for `bench_motion`."""
+    """Commands to replay on the bench, as for `bench_motion`.
+
+    Raises:
+        InputError: a place in the backlash that lies outside of it.
+    """
 
     time_s: FloatArray
     command_rpm: FloatArray
@@ -89,6 +93,10 @@ class BenchRun:
     """The supply's voltage; None: it stays what it is at the start."""
     gap_share: float = 0.0
     """Where the motor of a wheel at rest stands in its backlash when the run starts, from -1 to 1."""
+
+    def __post_init__(self) -> None:
+        if not -1.0 <= self.gap_share <= 1.0:
+            raise InputError(f"gap_share = {self.gap_share:g}, must be from -1 to 1")
 
     @cached_property
     def given(self) -> tuple[FloatArray, FloatArray, float]:

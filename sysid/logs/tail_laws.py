@@ -98,7 +98,8 @@ def sensor_noise(runs: Sequence[Run], name: str) -> SensorNoise:
     """Return the noise of a channel of bench runs and the smallest step of its sensor.
 
     The step is that of the numbers in the logs, unless the differences between neighbours follow a law only
-    as numbers that are rounded to a coarser one. The random draws are the same each time.
+    as numbers that are rounded to a coarser one. Where they follow none of the laws at any step, it is that
+    of the numbers with the law that comes nearest. The random draws are the same each time.
     """
     finest = smallest_step(runs, name)
     if sum(int(np.isfinite(differences(run, name).off).sum()) for run in runs) < _FEWEST:
@@ -122,8 +123,8 @@ def sensor_noise(runs: Sequence[Run], name: str) -> SensorNoise:
 def smallest_step(runs: Sequence[Run], name: str) -> float:
     """Return the smallest step between the values of a channel; 0 if there is none."""
     parts = [run.channels[name][run.finite(name)] for run in runs if name in run.channels]
-    steps = np.diff(np.unique(np.concatenate(parts))) if parts else np.zeros(0)
-    return float(np.min(steps[steps > 1e-9], initial=math.inf)) if np.any(steps > 1e-9) else 0.0
+    apart = np.diff(np.unique(np.concatenate(parts))) if parts else np.zeros(0)
+    return float(np.min(apart[apart > 1e-9], initial=math.inf)) if np.any(apart > 1e-9) else 0.0
 
 
 def law_of(values: FloatArray, level: FloatArray, step: float) -> Tails:

@@ -122,6 +122,8 @@ def test_latency_acts_on_the_bench_too(paper):
         ([0.0, 1.0], [1.0, 1.0], {"initial_rpm": np.nan}, "finite"),
         ([5.0, 6.0], [1.0, 1.0], {"sample_times_s": np.array([4.0])}, "a sample at 4 s"),
         ([5.0, 6.0], [1.0, 1.0], {"sample_times_s": np.array([])}, "at least one time"),
+        ([0.0, 1.0], [1.0, 1.0], {"gap_share": 1.5}, "gap_share = 1.5, must be from -1 to 1"),
+        ([0.0, 1.0], [1.0, 1.0], {"gap_share": np.nan}, "gap_share = nan, must be from -1 to 1"),
     ],
 )
 def test_an_impossible_log_is_refused(paper, time, command, extra, said):

@@ -8,8 +8,9 @@ r|^2 is the sum of squares that remains after the model's own error has explaine
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -155,25 +156,36 @@ class ResidualProblem:
         return replace(self.base, effects=shown | slow)
 
     def _residual(self, simulator: Simulator | Averaged, model: Model) -> FloatArray | None:
-        def predictions_of(one: Model) -> Sequence[FloatArray] | None:
-            try:
-                return simulator.predictions(one)
-            except _UNUSABLE:
-                return None
-
-        blocks, whitener = self.observations.blocks, self.whitener
-        residual = with_unknown_phases(
-            predictions_of, whitener.whiten, self.measured, model, blocks, whitener.slices
-        )
+        residual = self._beside(simulator.predictions, model)
         if residual is None or not isinstance(simulator, Simulator):
             return residual
         # What the unknown starts cost is spread over the residual as a factor, as that of unknown phases is.
         starts = simulator.unknown_starts(without_sensors(model))
-        for block, part in zip(blocks, whitener.slices, strict=True):
+        for block, part in zip(self.observations.blocks, self.whitener.slices, strict=True):
             square = float(residual[part] @ residual[part])
             if block.situation in starts and square > 0.0:
                 residual[part] *= math.sqrt(1.0 + START_PRICE / square)
         return residual
+
+    def _from_middle(self, model: Model) -> FloatArray | None:
+        """Return the whitened residual (N,) of a wheel that starts in the middle of its gap in each run."""
+        return self._beside(partial(self.simulators.full.predictions, from_middle=True), model)
+
+    def _beside(
+        self, predictions: Callable[[Model], Sequence[FloatArray]], model: Model
+    ) -> FloatArray | None:
+        """Return the whitened residual (N,) of a model beside its predictions; None if there are none."""
+
+        def predictions_of(one: Model) -> Sequence[FloatArray] | None:
+            try:
+                return predictions(one)
+            except _UNUSABLE:
+                return None
+
+        blocks, whitener = self.observations.blocks, self.whitener
+        return with_unknown_phases(
+            predictions_of, whitener.whiten, self.measured, model, blocks, whitener.slices
+        )
 
     def surrogate_residual(self, model: Model) -> FloatArray | None:
         """Return the whitened residual (N,) of a model on the planar plant; on the bench that of `residual`.
@@ -205,8 +217,11 @@ class ResidualProblem:
         """Return how the marginal residual (N,) of each model differs from that of the reference.
 
         It is None for a model that cannot be simulated. A `surrogate` is simulated by `surrogate_residual`.
+        Wheels on the bench start in the middle of their gap: what a model changes must not follow the noise
+        of the very runs beside which it is asked what chance does, and what differs from run to run.
         """
         simulated = self.surrogate_residual if surrogate else self.residual
+        simulated = self._from_middle if self.bench else simulated
         unchanged = simulated(reference) if models else None
 
         def change(model: Model) -> FloatArray | None:

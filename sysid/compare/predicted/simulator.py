@@ -69,8 +69,11 @@ class Simulator:
         self._groups: dict[tuple[float, bool, bool], Groups] = {}
         self._lock = Lock()
 
-    def predictions(self, model: Model) -> list[FloatArray]:
+    def predictions(self, model: Model, *, from_middle: bool = False) -> list[FloatArray]:
         """Return what a model predicts for each block, each of the block's shape (m,).
+
+        A wheel on the bench starts where in its gap each run shows it to, or `from_middle` of the gap: then
+        predictions do not depend on what was measured.
 
         Raises:
             InputError: an effect that cannot be simulated, or a value out of range.
@@ -78,13 +81,16 @@ class Simulator:
         """
         key = model_key(model)
         return self._remembered(
-            self._predictions, key, lambda: self._predict(model, key), self._predictions_kept
+            self._predictions,
+            (key, from_middle),
+            lambda: self._predict(model, key, from_middle),
+            self._predictions_kept,
         )
 
-    def _predict(self, model: Model, key: Hashable) -> list[FloatArray]:
+    def _predict(self, model: Model, key: Hashable, from_middle: bool) -> list[FloatArray]:
         situations = self.observations.situations
         alone, sensors = without_sensors(model), sensors_of(model)
-        motions = self._from_gap(alone, sensors)
+        motions = None if from_middle else self._from_gap(alone, sensors)
         if motions is None:
             motions = self._remembered(
                 self._motions,
@@ -150,7 +156,10 @@ class Simulator:
         if wheel is None:
             return None
         period = model.wheel.command_period_s
-        asked = [bench_run(one.runs[0], one.start, period, supply_of(one.runs[0])) for one in situations]
+        asked = [
+            bench_run(one.runs[0], one.start, period, supply_of(one.runs[0]) if wheel.reads_voltage else None)
+            for one in situations
+        ]
         return motions_from_gap(wheel, asked, self._seen, sensors)
 
     @cached_property

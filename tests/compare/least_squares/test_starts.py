@@ -58,6 +58,20 @@ def test_no_gap_and_one_with_an_elastic_filling_cost_nothing(problem: ResidualPr
     assert squares(problem, 1e-9, "spring") == pytest.approx(plain, rel=1e-6)
 
 
+def test_what_a_gap_would_change_does_not_follow_what_was_measured(problem: ResidualProblem) -> None:
+    loose, simulator, whiten = (
+        paper_model().with_effect("backlash", gap_deg=20.0),
+        problem.simulators.full,
+        problem.whitener.whiten,
+    )
+    (change,) = problem.changes([loose], surrogate=False, reference=problem.base)
+    assert change is not None
+    plain, middle = (simulator.predictions(one, from_middle=True) for one in (problem.base, loose))
+    np.testing.assert_allclose(change, problem.marginal(whiten(plain) - whiten(middle)), atol=1e-9)
+    shown = simulator.predictions(loose)
+    assert any(np.max(np.abs(one - other)) > 1.0 for one, other in zip(shown, middle, strict=True))
+
+
 def test_starts_that_are_chosen_do_not_pay_for_a_gap_that_is_not_there(problem: ResidualProblem) -> None:
     plain = float(problem.base_residual @ problem.base_residual)
     for gap_deg in (0.1, 0.5, 2.0):

@@ -56,6 +56,19 @@ def test_a_study_starts_each_situation_where_it_does_and_sees_it_through_its_sen
     found = Simulator(observations).predictions(slow)
     assert len(found) == len(observations.blocks) == 2
     assert np.max(np.abs(found[0] - observations.blocks[0].value)) < 1e-9
+    # Its stamps are a little later than its samples, but the middle of the gap is farther off.
+    off = found[1] - observations.blocks[1].value
+    middle = Simulator(observations).predictions(slow, from_middle=True)[1] - observations.blocks[1].value
+    assert np.sum(off**2) < 0.1 * np.sum(middle**2)
+
+
+def test_from_the_middle_of_the_gap_a_prediction_does_not_depend_on_what_was_measured() -> None:
+    both = [
+        Simulator(observe(Dataset("made", (run_from(place),), ()))).predictions(LOOSE, from_middle=True)[0]
+        for place in (-1.0, 1.0)
+    ]
+    np.testing.assert_array_equal(*both)
+    np.testing.assert_allclose(both[0], replay_bench(LOOSE, TIME, COMMAND), atol=1e-9)
 
 
 def test_a_run_without_samples_starts_in_the_middle() -> None:

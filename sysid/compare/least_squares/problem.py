@@ -91,6 +91,9 @@ class ResidualProblem:
         if learned is not None:
             self.correction, self.nuisance = learned.expected_error(whitener, self.simulators, at)
             self.measured = self.measured - self.correction
+        self._starts_of_base: frozenset[int] = frozenset()
+        if self.bench:
+            self._starts_of_base = self.simulators.full.unknown_starts(without_sensors(base))
         unchanged = self.simulators.averaged if self.knows_all else self.simulators.full
         residual = self._residual(unchanged, base)
         # The simulation that cannot be made says why.
@@ -160,7 +163,8 @@ class ResidualProblem:
         if residual is None or not isinstance(simulator, Simulator):
             return residual
         # What the unknown starts cost is spread over the residual as a factor, as that of unknown phases is.
-        starts = simulator.unknown_starts(without_sensors(model))
+        # Those that the base model leaves open, too, are no news.
+        starts = simulator.unknown_starts(without_sensors(model)) - self._starts_of_base
         for block, part in zip(self.observations.blocks, self.whitener.slices, strict=True):
             square = float(residual[part] @ residual[part])
             if block.situation in starts and square > 0.0:

@@ -52,6 +52,17 @@ def test_a_gap_that_changes_nothing_costs_the_price_of_a_start_for_each_run(prob
     assert squares(problem, 1e-9) == pytest.approx(plain + RUNS * START_PRICE, rel=1e-6)
 
 
+def test_starts_that_the_base_model_leaves_open_cost_nothing(problem: ResidualProblem) -> None:
+    loose = paper_model().with_effect("backlash", gap_deg=2.0)
+    of_loose = ResidualProblem(loose, problem.whitener)
+    plain = problem.whitener.whiten(of_loose.simulators.full.predictions(loose))
+    np.testing.assert_array_equal(of_loose.base_residual, of_loose.measured - plain)
+    # Else a set that is without the gap would seem to explain what the base model paid.
+    assert squares(problem, 2.0) == pytest.approx(
+        float(np.sum(of_loose.base_residual**2)) + RUNS * START_PRICE
+    )
+
+
 def test_no_gap_and_one_with_an_elastic_filling_cost_nothing(problem: ResidualProblem) -> None:
     plain = float(problem.base_residual @ problem.base_residual)
     assert squares(problem, 0.0) == pytest.approx(plain, rel=1e-12)

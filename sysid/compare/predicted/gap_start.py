@@ -8,8 +8,9 @@ for each run that starts at rest, estimated from the run itself, as is the pose 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -32,6 +33,7 @@ _HARDLY: Final = 0.1
 no place between them is. Assumed."""
 _FINER: Final = (0.125, 0.0625)
 """Distances from the best place at which it is looked for again."""
+_SAME_RPM: Final = 1e-2  # difference that no log shows: motions with less than it have come together
 _NONE: Final = 1e-12  # squared error that is none [rpm^2]
 START_PRICE: Final = 2.0 * math.log(1 + len(_ENDS) + len(_BETWEEN))
 """Minus twice the logarithm of the prior probability of a place, of those that are tried first: so much less
@@ -59,10 +61,14 @@ class SeenSpeed:
         used = weight > 0.0
         return cls(seen[0].time_s[used], total[used] / weight[used], weight[used])
 
-    def squares(self, motion: Motion) -> float:
-        """Return the weighted sum of the squared errors of a motion as sensors see it [rpm^2]."""
-        predicted = np.interp(self.time_s, motion.time_s, motion.channels[_SPEED])
-        return float(self.weight @ (self.value_rpm - predicted) ** 2)
+    def squares(self, as_seen: Motion, until_s: float = math.inf) -> float:
+        """Return the weighted sum of the squared errors of a motion `as_seen` by sensors [rpm^2].
+
+        Only those `until_s` seconds after the start of the log count.
+        """
+        until = np.searchsorted(self.time_s, until_s, "right")
+        predicted = np.interp(self.time_s[:until], as_seen.time_s, as_seen.channels[_SPEED])
+        return float(self.weight[:until] @ (self.value_rpm[:until] - predicted) ** 2)
 
     def evidence(self, before: float, after: float) -> float:
         """Return twice the logarithm of the likelihood ratio of `squares` that are `after` and `before`."""
@@ -91,30 +97,26 @@ def motions_from_gap(
     Raises:
         SimulationDivergedError: the state of any wheel stopped being finite.
     """
-
-    def tried(offered: Sequence[tuple[int, float]]) -> list[_Tried]:
-        asked = [replace(runs[i], gap_share=place) for i, place in offered]
-        motions = bench_motions_of(wheel, BenchRuns(asked)) if asked else []
-        return [
-            _Tried(i, place, seen[i].squares(motion.seen_by(sensors)), motion)
-            for (i, place), motion in zip(offered, motions, strict=True)
-        ]
-
-    middle = tried([(i, 0.0) for i in range(len(runs))])
+    search = _Search(wheel, tuple(runs), tuple(seen), sensors)
+    middle = search.tried([(i, 0.0) for i in range(len(runs))])
     free = [i for i, run in enumerate(runs) if run.initial_rpm == 0.0 and seen[i].value_rpm.size]
-    best, matters = list(middle), set()
-    for one in tried([(i, place) for i in free for place in _ENDS]):
-        best[one.run] = min(best[one.run], one, key=_squares)
-        if abs(seen[one.run].evidence(middle[one.run].squares, one.squares)) > _HARDLY:
-            matters.add(one.run)
-    for one in tried([(i, place) for i in free if i in matters for place in _BETWEEN]):
-        best[one.run] = min(best[one.run], one, key=_squares)
+    best = list(middle)
+
+    def look(offered: Sequence[tuple[int, float]]) -> None:
+        for one in search.tried([(i, place) for i, place in offered if abs(place) <= 1.0]):
+            best[one.run] = min(best[one.run], one, key=_squares)
+
+    ends = search.tried([(i, place) for place in _ENDS for i in free])
+    for i, *both in zip(free, ends[: len(free)], ends[len(free) :], strict=True):
+        best[i] = min(best[i], *both, key=_squares)
+        if any(abs(seen[i].evidence(middle[i].squares, end.squares)) > _HARDLY for end in both):
+            search.shorten(middle[i], both)
+    look([(i, place) for i in search.until_s for place in _BETWEEN])
     shown = [i for i in free if seen[i].evidence(middle[i].squares, best[i].squares) > VERY_STRONG]
     for step in _FINER:
-        ends = [(i, best[i].place + off) for i in shown for off in (-step, step)]
-        for one in tried([(i, place) for i, place in ends if abs(place) <= 1.0]):
-            best[one.run] = min(best[one.run], one, key=_squares)
-    return [(best if i in shown else middle)[i].motion for i in range(len(runs))]
+        look([(i, best[i].place + off) for i in shown for off in (-step, step)])
+    found = dict(zip(shown, search.motions([(i, best[i].place) for i in shown]), strict=True))
+    return [found.get(i, middle[i].motion) for i in range(len(runs))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +127,52 @@ class _Tried:
     place: float
     squares: float
     motion: Motion
+    as_seen: Motion
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """Simulation of runs from places in the gap: no longer than until all places lead to the same motion."""
+
+    wheel: FreeWheel
+    runs: tuple[BenchRun, ...]
+    seen: tuple[SeenSpeed, ...]
+    sensors: Sensors
+    until_s: dict[int, float] = field(default_factory=dict)
+    """When motions from all places have come together, of the runs of which that is known [s]."""
+    later: dict[int, float] = field(default_factory=dict)
+    """Their sum of squared errors from then on [rpm^2]."""
+
+    def motions(
+        self, places: Sequence[tuple[int, float]], until_s: Mapping[int, float] = MappingProxyType({})
+    ) -> list[Motion]:
+        """Return the motions in runs from places, each to the end of its run or `until_s`."""
+        asked = [
+            replace(run, gap_share=place, duration_s=min(run.duration_s, until_s.get(i, math.inf)))
+            for run, i, place in ((self.runs[i], i, place) for i, place in places)
+        ]
+        return bench_motions_of(self.wheel, BenchRuns(asked)) if asked else []
+
+    def tried(self, places: Sequence[tuple[int, float]]) -> list[_Tried]:
+        """Return how well motions in runs from places fit what was seen."""
+        found = []
+        for (i, place), motion in zip(places, self.motions(places, self.until_s), strict=True):
+            as_seen = motion.seen_by(self.sensors)
+            until_s, later = self.until_s.get(i, math.inf), self.later.get(i, 0.0)
+            found.append(_Tried(i, place, self.seen[i].squares(as_seen, until_s) + later, motion, as_seen))
+        return found
+
+    def shorten(self, middle: _Tried, ends: Sequence[_Tried]) -> None:
+        """End later simulations of a run where the motions from the middle and both `ends` have met."""
+        i = middle.run
+        self.until_s[i] = max(_together_s(middle.as_seen, end.as_seen) for end in ends)
+        self.later[i] = middle.squares - self.seen[i].squares(middle.as_seen, self.until_s[i])
+
+
+def _together_s(one: Motion, other: Motion) -> float:
+    """Return the time after which two motions on the same clock stay together [s]."""
+    apart = np.flatnonzero(np.abs(one.channels[_SPEED] - other.channels[_SPEED]) > _SAME_RPM)
+    return float(one.time_s[min(apart[-1] + 1, one.time_s.size - 1)]) if apart.size else 0.0
 
 
 def _squares(one: _Tried) -> float:

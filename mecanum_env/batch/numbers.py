@@ -184,7 +184,7 @@ def body_numbers(robot: Robot, acting: Acting, timestep_s: float, wheel_kg_m2: f
     """Return what `BODY` lists of a robot on which effects are `acting`.
 
     `wheel_kg_m2` is the inertia of a wheel and its rotor. All numbers may be arrays (m,), those of m robots.
-    The shape is (20, m), with m = 1 for floats.
+    The shape is (19, m), with m = 1 for floats.
     """
     body = PlanarBody(robot.mass_kg, robot.yaw_inertia_kg_m2)
     for effect, values in acting:

@@ -1,4 +1,6 @@
-"""The plugin's library as plain functions: its parameters, and free wheels on the bench without MuJoCo.
+"""The plugin's library as plain functions: its parameters, and plants without MuJoCo.
+
+These are free wheels on the bench, and the robot without slip.
 
 The calls release Python's lock, so threads run side by side.
 """
@@ -9,6 +11,7 @@ import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from typing import Final
 
 import mujoco
 import numpy as np
@@ -20,6 +23,8 @@ from mecanum_env.wheel_drive.parameters import with_programs
 from mecanum_env.wheel_drive.program import INPUTS, PROGRAM_SIZE, Program
 
 Counts = npt.NDArray[np.int64]
+_WHEELS: Final = 4
+_BODY: Final = 19  # numbers of a body
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +103,44 @@ def free_wheels(
     return speeds, reached
 
 
+def planar_motion(
+    parameters: FloatArray,
+    body: FloatArray,
+    timestep_s: float,
+    ctrl: FloatArray,
+    lost_v: FloatArray | None = None,
+) -> tuple[FloatArray, FloatArray, FloatArray, int]:
+    """Return how a robot without slip moves from rest at the origin, as MuJoCo's planar plant does.
+
+    Args:
+        parameters: those of the drives of its four wheels, shape (4, P), in the order of `parameter_names`;
+            programs of custom effects may follow them.
+        body: numbers of its body, in the order of `mecanum_env.batch.numbers.BODY`.
+        timestep_s: physics step [s].
+        ctrl: what the wheels are commanded in each step [rpm], shape (n, 4).
+        lost_v: voltage that the supply has lost in each step [V], shape (n,); none by default.
+
+    Returns:
+        At the start and after each step, the pose x, y [m], yaw [rad] in the world and the velocity in the
+        body's axes (m/s, m/s, rad/s), shape (n + 1, 3) each, and the wheels' speeds [rpm], (n + 1, 4); and
+        the steps that were taken before the state stopped being finite, else all of them.
+    """
+    steps, rows = len(ctrl), np.ascontiguousarray(with_programs(parameters))
+    numbers, given = np.ascontiguousarray(body, float), np.ascontiguousarray(ctrl, float)
+    lost = None if lost_v is None else np.ascontiguousarray(lost_v, float)
+    if rows.shape[0] != _WHEELS or numbers.shape != (_BODY,) or given.shape != (steps, _WHEELS):
+        raise ValueError(
+            f"parameters of shape {rows.shape}, body {numbers.shape} and ctrl {given.shape} do not fit"
+        )
+    if lost is not None and lost.shape != (steps,):
+        raise ValueError(f"lost voltages of shape {lost.shape}, must be one for each of the steps")
+    pose, twist = np.empty((steps + 1, 3)), np.empty((steps + 1, 3))
+    speeds = np.empty((steps + 1, _WHEELS))
+    arrays = (rows, numbers, given, lost, pose, twist, speeds)
+    pointers = (None if array is None else array.ctypes.data for array in arrays)
+    return pose, twist, speeds, int(_library().mecanum_planar(steps, timestep_s, *pointers))
+
+
 def evaluate_program(program: Program, inputs: FloatArray) -> FloatArray:
     """Return the values of a program, shape (n,), as `mecanum_env.wheel_drive.program.evaluate` does.
 
@@ -140,6 +183,8 @@ def _library() -> ctypes.CDLL:
     count, real, array = ctypes.c_int64, ctypes.c_double, ctypes.c_void_p
     library.mecanum_bench.argtypes = [count, count, real, *[array] * 11]
     library.mecanum_bench.restype = None
+    library.mecanum_planar.argtypes = [count, real, *[array] * 7]
+    library.mecanum_planar.restype = count
     library.mecanum_evaluate.argtypes, library.mecanum_evaluate.restype = [array, count, array, array], None
     library.mecanum_parameter.argtypes, library.mecanum_parameter.restype = [count], ctypes.c_char_p
     library.mecanum_refuses.argtypes = [array, real, ctypes.c_char_p, count]

@@ -13,7 +13,7 @@ from mecanum_env.model import Model, paper_model
 from mecanum_env.simulator import RobotPlant, drive
 from mecanum_env.wheel_drive.drive import DriveParameters
 from mecanum_env.wheel_drive.inputs import latched_commands
-from sysid.compare.predicted.prediction import commands_of
+from sysid.compare.predicted.robot import commands_of
 from sysid.logs import BenchCommand, BodyCommand, Dataset, Run
 
 LAW = paper_model().wheel.law

@@ -1,7 +1,8 @@
 """What a model predicts for logs: their commands simulated, as the model's sensors see the motion."""
 
 from sysid.compare.predicted.gap_start import START_PRICE
-from sysid.compare.predicted.prediction import SimulationSettings, motion_of, predict, predict_all, readings
+from sysid.compare.predicted.prediction import motion_of, predict, predict_all, readings
+from sysid.compare.predicted.settings import SimulationSettings
 from sysid.compare.predicted.simulator import (
     Averaged,
     Simulator,

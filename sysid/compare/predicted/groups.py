@@ -11,7 +11,8 @@ import numpy as np
 
 from mecanum_env.simulator.free_wheel import BenchRun, BenchRuns
 from sysid.compare.measured import Situation
-from sysid.compare.predicted.prediction import bench_run, supply_of
+from sysid.compare.predicted.prediction import bench_run
+from sysid.compare.predicted.robot import supply_of
 
 T = TypeVar("T")
 

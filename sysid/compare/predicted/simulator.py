@@ -22,15 +22,9 @@ from sysid.compare.measured import Observations
 from sysid.compare.predicted.gap_start import SeenSpeed, motions_from_gap, starts_in_gap
 from sysid.compare.predicted.groups import Alike, Groups
 from sysid.compare.predicted.motion import Motion, bench_motions_of
-from sysid.compare.predicted.prediction import (
-    CompiledRobot,
-    SimulationSettings,
-    bench_run,
-    follows_voltage,
-    in_run_frame,
-    readings,
-    supply_of,
-)
+from sysid.compare.predicted.prediction import bench_run, in_run_frame, readings
+from sysid.compare.predicted.robot import CompiledRobot, follows_voltage, supply_of
+from sysid.compare.predicted.settings import SimulationSettings
 
 _DRAWS: Final = 4  # sets of initial wheel angles that are simulated
 _AVERAGED: Final = 2

@@ -12,7 +12,8 @@ from mecanum_env.model import Model, paper_model
 from mecanum_env.units import FloatArray
 from sysid.compare.measured import EDGE_S, observe
 from sysid.compare.noise import Noise, measure_noise
-from sysid.compare.predicted import SimulationSettings, Simulator, prediction
+from sysid.compare.predicted import SimulationSettings, Simulator
+from sysid.compare.predicted.robot import CompiledRobot
 from sysid.logs import BodyCommand, Dataset, Run
 
 MODEL = paper_model()
@@ -70,10 +71,8 @@ def test_without_repeats_the_samples_of_a_pose_tell_its_noise_and_not_its_motion
 def counted(monkeypatch: pytest.MonkeyPatch, model: Model) -> int:
     """Return how many motions are simulated for two runs that start in different directions."""
     used: list[FloatArray | None] = []
-    drive = prediction.drive
-    monkeypatch.setattr(
-        prediction, "drive", lambda *given, **named: used.append(None) or drive(*given, **named)
-    )
+    motion = CompiledRobot.motion
+    monkeypatch.setattr(CompiledRobot, "motion", lambda *given: used.append(None) or motion(*given))
     dataset = logs((0.0, 1.0))
     short = tuple(
         replace(

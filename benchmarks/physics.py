@@ -16,12 +16,14 @@ from metric import Metric, metric_rows, print_metrics
 from mujoco.batch import Batch
 from tqdm import tqdm
 
+from mecanum_env.batch.runs import PlanarDrives
 from mecanum_env.cli import run
 from mecanum_env.files import write_json
 from mecanum_env.kinematics import command_to_wheels
 from mecanum_env.mjcf import TRAINING_TIMESTEP_S, planar_spec, robot_spec
 from mecanum_env.mjcf.geometry import sideways_ratio
 from mecanum_env.model import Model, paper_model, read_model
+from mecanum_env.simulator import BodyCommands, compile_plant, drive
 from sysid.studies.motion import (
     coast_energy,
     follow,
@@ -46,11 +48,11 @@ def motion(model: Model) -> list[Metric]:
     planar = planar_spec(model).compile()
     metrics = []
     for command, name in NAMES.items():
-        drive = steady_drive(rollers, robot, command)
-        bounds = drive.expected_ratio * 0.99, drive.expected_ratio * 1.01
-        metrics.append(Metric(f"{name}: ratio to ideal kinematics", drive.ratio, "", *bounds))
+        steady = steady_drive(rollers, robot, command)
+        bounds = steady.expected_ratio * 0.99, steady.expected_ratio * 1.01
+        metrics.append(Metric(f"{name}: ratio to ideal kinematics", steady.ratio, "", *bounds))
         bound = 50.0 if command == FORWARD else None
-        metrics.append(Metric(f"{name}: bounce, rms", drive.bounce_m * 1e6, "um", high=bound))
+        metrics.append(Metric(f"{name}: bounce, rms", steady.bounce_m * 1e6, "um", high=bound))
         metrics.append(Metric(f"{name}: the same, planar", steady_drive(planar, robot, command).ratio, ""))
     metrics.append(Metric("sinc(pi/N)", sideways_ratio(robot.rollers_per_wheel), ""))
     for theta in (0, 180, 90, 45, 135, -45, -135):
@@ -127,7 +129,28 @@ def speed(model: Model, repeats: int) -> list[Metric]:
         Metric("planar over rollers, median", median(ratios("planar", "rollers")), ""),
         Metric("Batch of 8 on 2 threads over 1, best", max(scaling), "", 1.7),
         Metric("Batch of 8 on 2 threads over 1, median", median(scaling), ""),
+        Metric(
+            "drive of 5 s on the planar plant: the plugin's library over MuJoCo", _library(model), "", 10.0
+        ),
     ]
+
+
+def _library(model: Model) -> float:
+    """Return how many times as fast as MuJoCo the plugin's library moves the planar plant, in the median."""
+    compiled = compile_plant(model, "planar", TRAINING_TIMESTEP_S)
+    drives, commands = PlanarDrives(model, TRAINING_TIMESTEP_S), BodyCommands.constant(60, 30, 20)
+
+    def seconds(work: Callable[[], object]) -> float:
+        begin = time.process_time()
+        for _ in range(20):
+            work()
+        return time.process_time() - begin
+
+    def ratio() -> float:
+        there = seconds(lambda: drive(model, commands, 5.0, plant="planar", mj_model=compiled))
+        return there / seconds(lambda: drives.drive(commands, 5.0))
+
+    return median(ratio() for _ in range(5))
 
 
 def _stepper(mj_model: mujoco.MjModel) -> Callable[[int], None]:

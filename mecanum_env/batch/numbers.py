@@ -16,13 +16,14 @@ from mecanum_env.effects.apply import (
     changed_model,
     check_effects,
     drive_parameters,
+    planar_body,
     wheels_differ,
 )
-from mecanum_env.effects.definition import PlanarBody
 from mecanum_env.errors import EffectRefusedError
 from mecanum_env.kinematics import WHEELS, require_mecanum
 from mecanum_env.mjcf.geometry import no_slip_rows, wheels_on_body
 from mecanum_env.mjcf.physics import fitting_timestep, wheel_inertia
+from mecanum_env.mjcf.sideways import sideways_friction
 from mecanum_env.model import Model, Robot
 from mecanum_env.plugin.layout import chain_parameters
 from mecanum_env.simulator.body_limits import behind_limits, limits_body
@@ -36,11 +37,13 @@ BODY: Final = (
     *("mobility_00", "mobility_01", "mobility_02", "mobility_11", "mobility_12", "mobility_22"),
     *("is_simple", "moved_forward", "moved_left"),
     *("moment_x", "moment_y", "weight_kg", "gravity_x", "gravity_y", "damping", "damping_turn"),
+    *("rub", "drag", "arm", "rest"),
 )
 """Numbers of a body, in its own axes: wheel speed per velocity along each axis; the inverse of the inertia
 that an implicit step moves; whether MuJoCo drops what couples the world's axes (`PlanarBatch`), and that
 inertia along each axis then; mass times the offset of its centre; mass that gravity pulls; gravity along the
-world's x and y; viscous friction along the axes and in turning."""
+world's x and y; viscous friction along the axes and in turning; and the friction of the rollers, see
+`mecanum_env.mjcf.sideways`."""
 _QUANTUM: Final = CHAIN.index("command_quantum_rpm")
 ROTOR: Final = CHAIN.index("rotor_kg_m2")
 """Where they have the inertia of the rotor."""
@@ -184,12 +187,9 @@ def body_numbers(robot: Robot, acting: Acting, timestep_s: float, wheel_kg_m2: f
     """Return what `BODY` lists of a robot on which effects are `acting`.
 
     `wheel_kg_m2` is the inertia of a wheel and its rotor. All numbers may be arrays (m,), those of m robots.
-    The shape is (19, m), with m = 1 for floats.
+    The shape is (23, m), with m = 1 for floats.
     """
-    body = PlanarBody(robot.mass_kg, robot.yaw_inertia_kg_m2)
-    for effect, values in acting:
-        if effect.change_planar is not None:
-            body = effect.change_planar(body, values)
+    body = planar_body(robot, acting)
     rows = no_slip_rows(robot)
     armature, armature_turn = wheels_on_body(robot, wheel_kg_m2)
     damping, damping_turn = wheels_on_body(robot, body.wheel_damping_n_m_s_rad)
@@ -211,6 +211,7 @@ def body_numbers(robot: Robot, acting: Acting, timestep_s: float, wheel_kg_m2: f
             *(mobility[:, i, j] for i, j in _UPPER),
             *(is_simple, moving[:, 0, 0], moving[:, 1, 1]),
             *(x, y, weight, *gravity, damping, damping_turn),
+            *sideways_friction(robot, body, timestep_s),
         ]
     )
 

@@ -162,6 +162,11 @@ class PlanarBatch(OnArrays):
             across = cos * b["gravity_y"] - sin * b["gravity_x"]
             force_x, force_y = force_x + b["weight_kg"] * ahead, force_y + b["weight_kg"] * across
             moment = moment + b["moment_x"] * across - b["moment_y"] * ahead
+        if self._store.rollers:
+            for x in (-b["arm"], b["arm"]):
+                sideways = left + x * turn
+                held = 2.0 * (b["rub"] * xp.tanh(sideways / b["rest"]) + b["drag"] * sideways)
+                force_y, moment = force_y - held, moment - x * held
         forward, left, turn = self._moved((cos, sin), (forward, left, turn), (force_x, force_y, moment))
         after = self._mixing @ xp.stack([gear[0] * forward, gear[1] * left, gear[2] * turn])
         end(s, p, acted, speed, after, h, parts)

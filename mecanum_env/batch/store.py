@@ -87,3 +87,6 @@ class Store(OnArrays):
         axes = [BODY.index(name) for name in ("gravity_x", "gravity_y")]
         self.slopes = not all(self._agree[1][i] and self._first[1][i] == 0.0 for i in axes)
         """Whether gravity pulls any robot along the floor."""
+        friction = [BODY.index(name) for name in ("rub", "drag")]
+        self.rollers = not all(self._agree[1][i] and self._first[1][i] == 0.0 for i in friction)
+        """Whether the rollers of any robot have friction."""

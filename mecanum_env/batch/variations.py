@@ -143,7 +143,7 @@ class Variations:
         )
 
     def _numbers(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the drives, shape (P, 4, m), and the bodies, (20, m), of robots with `values` (k, m)."""
+        """Return the drives, shape (P, 4, m), and the bodies, (23, m), of robots with `values` (k, m)."""
         given = dict(zip(self._names, values, strict=True))
         model = self._models(given)
         acting = tuple(

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mecanum_env.effects import CATALOGUE
-from mecanum_env.effects.definition import Channels, Effect, Load, PlantKind
+from mecanum_env.effects.definition import Channels, Effect, Load, PlanarBody, PlantKind
 from mecanum_env.errors import EffectRefusedError, InputError
 from mecanum_env.kinematics import WHEELS
-from mecanum_env.model import Model
+from mecanum_env.model import Model, Robot
 from mecanum_env.model.custom import program_at
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 from mecanum_env.wheel_drive.drive import DriveParameters
@@ -108,6 +108,15 @@ def change_spec(spec: mujoco.MjSpec, model: Model, plant: PlantKind) -> None:
     for effect, values in active_effects(model):
         if effect.change_spec is not None and effect.acts_in(plant):
             effect.change_spec(spec, values, model, plant)
+
+
+def planar_body(robot: Robot, acting: Acting) -> PlanarBody:
+    """Return the planar plant's body of a robot on which effects are `acting`."""
+    body = PlanarBody(robot.mass_kg, robot.yaw_inertia_kg_m2)
+    for effect, values in acting:
+        if effect.change_planar is not None:
+            body = effect.change_planar(body, values)
+    return body
 
 
 def drive_parameters(model: Model, wheel_name: str | None = None) -> DriveParameters:

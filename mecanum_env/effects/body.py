@@ -64,6 +64,7 @@ def _track(model: Model, values: Values) -> Model:
 
 
 def _rollers(spec: mujoco.MjSpec, values: Values, model: Model, plant: PlantKind) -> None:
+    """Brake the rollers' joints, which the planar plant has not: there it is `_planar_rollers`."""
     for joint in spec.joints:
         if "_roller_" not in joint.name:
             continue
@@ -74,6 +75,14 @@ def _rollers(spec: mujoco.MjSpec, values: Values, model: Model, plant: PlantKind
             joint.frictionloss += values["torque_n_m"]
             joint.solref_friction = [2 * spec.option.timestep, 1.0]
             joint.solimp_friction = [0.999, 0.9999, 0.001, 0.5, 2.0]
+
+
+def _planar_rollers(body: PlanarBody, values: Values) -> PlanarBody:
+    return replace(
+        body,
+        roller_coulomb_n_m=body.roller_coulomb_n_m + values["torque_n_m"],
+        roller_damping_n_m_s_rad=body.roller_damping_n_m_s_rad + values["damping_n_m_s_rad"],
+    )
 
 
 def _slope(spec: mujoco.MjSpec, values: Values, model: Model, plant: PlantKind) -> None:
@@ -101,16 +110,16 @@ EFFECTS: Final = (
         station="body",
         acts_on="roller joints",
         parameters=(
-            Parameter("torque_n_m", "N m", 0.0, (0.0, 0.2)),
-            Parameter("damping_n_m_s_rad", "N m s/rad", 0.0, (0.0, 0.01)),
+            Parameter("torque_n_m", "N m", 0.0, (0.0, 0.13), relative=True),
+            Parameter("damping_n_m_s_rad", "N m s/rad", 0.0, (0.0, 0.1), relative=True),
         ),
         summary="Friction in the rollers' own bearings, constant and in proportion to their speed.",
         signature="Sideways motion loses speed; straight motion, in which rollers hardly turn, does not.",
         direct_check="the force that pushes the robot sideways, with a spring balance",
         realistic=lambda _: {"torque_n_m": 0.02},
         absent_from=("bench",),
-        refused_by=("planar",),
         change_spec=_rollers,
+        change_planar=_planar_rollers,
     ),
     Effect(
         name="low_grip",

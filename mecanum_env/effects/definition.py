@@ -114,6 +114,9 @@ class PlanarBody:
     middle_yaw_inertia_kg_m2: float = 0.0
     wheel_damping_n_m_s_rad: float = 0.0
     """Viscous friction of each wheel."""
+    roller_coulomb_n_m: float = 0.0
+    roller_damping_n_m_s_rad: float = 0.0
+    """Friction in the bearing of the roller on the floor of each wheel, constant and viscous."""
     gravity_m_s2: tuple[float, float, float] = (0.0, 0.0, -9.81)
     """Gravity in the world's axes, MuJoCo's own on a level floor."""
 

@@ -14,6 +14,7 @@ from mecanum_env.errors import InputError
 from mecanum_env.mjcf.geometry import wheel_geometry
 from mecanum_env.mjcf.masses import robot_masses, spin_inertia, surely_possible
 from mecanum_env.model import Model, Robot
+from mecanum_env.plugin import ROLLERS_PLUGIN
 from mecanum_env.plugin.layout import NO_TORQUE_LIMIT, rotor_inertia, set_wheel_parameters
 
 SIMULATION_TIMESTEP_S: Final = 1 / 480
@@ -86,6 +87,22 @@ def prepare_drives(spec: mujoco.MjSpec, model: Model) -> None:
     """
     spec.default.actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE
     spec.default.actuator.biasprm = [0.0, 0.0, -model.robot.servo_n_m_s_rad] + [0.0] * 7
+
+
+def add_roller_friction(
+    spec: mujoco.MjSpec, base: mujoco.MjsBody, numbers: tuple[float, float, float, float]
+) -> None:
+    """Give the planar plant's body the friction of its rollers, if there is any.
+
+    `numbers` are those of `mecanum_env.mjcf.sideways`.
+    """
+    rub, drag, *_ = numbers
+    if rub == 0.0 and drag == 0.0:
+        return
+    spec.activate_plugin(ROLLERS_PLUGIN)
+    base.plugin = spec.add_plugin(name="rollers", plugin_name=ROLLERS_PLUGIN, active=True)
+    spec.nuser_body = len(numbers)
+    base.userdata = [float(number) for number in numbers]
 
 
 def add_drive(

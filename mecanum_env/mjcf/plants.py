@@ -11,7 +11,13 @@ from typing import Final, NamedTuple
 
 import mujoco
 
-from mecanum_env.effects.apply import change_spec, changed_model, drive_parameters
+from mecanum_env.effects.apply import (
+    active_effects,
+    change_spec,
+    changed_model,
+    drive_parameters,
+    planar_body,
+)
 from mecanum_env.effects.definition import PlantKind, RobotPlant
 from mecanum_env.errors import EffectRefusedError
 from mecanum_env.files import write_text
@@ -23,12 +29,14 @@ from mecanum_env.mjcf.physics import (
     Drive,
     add_drive,
     add_floor_pair,
+    add_roller_friction,
     fitting_timestep,
     new_spec,
     prepare_drives,
     wheel_inertia,
 )
 from mecanum_env.mjcf.scene import add_appearance, add_bench_view, add_scene, add_views
+from mecanum_env.mjcf.sideways import sideways_friction
 from mecanum_env.mjcf.wheel import add_still_wheel, add_wheel, dress_bench, set_inertia
 from mecanum_env.model import Model, Robot
 from mecanum_env.outputs import output_folder
@@ -119,8 +127,9 @@ def planar_spec(
 
     The four actuators act on the site "base" with the rows of `no_slip_rows` as their gear: an actuator's
     speed is the wheel speed that the body's motion asks for, and its torque acts as the matching force and
-    moment. The wheels' own inertia is joint armature (`wheel_armature`). Joints "base_x", "base_y" (world
-    axes) and "base_yaw"; all other names are those of `robot_spec`, as are the arguments `drive`,
+    moment. The friction of the rollers is a force along the body's y, from the passive plugin
+    "mecanum.rollers". The wheels' own inertia is joint armature (`wheel_armature`). Joints "base_x", "base_y"
+    (world axes) and "base_yaw"; all other names are those of `robot_spec`, as are the arguments `drive`,
     `wheel_quantum` and `visuals`.
 
     Raises:
@@ -136,6 +145,10 @@ def planar_spec(
         base.add_joint(name=name, type=kind, axis=axis, armature=armature)
     for wheel, gear in zip(WHEELS, numbers.gears, strict=True):
         add_drive(spec, model, f"wheel_{wheel}", drive, wheel_quantum, wheel, gear)
+    acting = active_effects(model)
+    add_roller_friction(
+        spec, base, sideways_friction(robot, planar_body(robot, acting), spec.option.timestep)
+    )
     _add_sensors(spec)
     change_spec(spec, model, "planar")
     if visuals:

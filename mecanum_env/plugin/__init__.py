@@ -1,4 +1,4 @@
-"""The wheel drive as a native MuJoCo actuator plugin, "mecanum.wheel".
+"""The wheel drive as a native MuJoCo actuator plugin, "mecanum.wheel", and the rollers of the planar plant.
 
 MuJoCo 4 calls `register` through the entry point `mujoco.plugins` during ``import mujoco`` and is then only
 partly initialised, so this module imports nothing but the standard library and this project's errors.
@@ -18,6 +18,7 @@ from mecanum_env.errors import BackendError
 from mecanum_env.version import __version__
 
 PLUGIN_NAME: Final = "mecanum.wheel"
+ROLLERS_PLUGIN: Final = "mecanum.rollers"
 
 # Followed by the MuJoCo release that the library was compiled against; see CMakeLists.txt.
 _STEM: Final = "mecanum_wheel-mujoco-"

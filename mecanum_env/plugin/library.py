@@ -24,7 +24,7 @@ from mecanum_env.wheel_drive.program import INPUTS, PROGRAM_SIZE, Program
 
 Counts = npt.NDArray[np.int64]
 _WHEELS: Final = 4
-_BODY: Final = 19  # numbers of a body
+_BODY: Final = 23  # numbers of a body
 
 
 @dataclass(frozen=True, eq=False)

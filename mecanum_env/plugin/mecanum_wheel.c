@@ -11,6 +11,7 @@
 #include <mujoco/mujoco.h>
 
 #include "chain.h"
+#include "mecanum_rollers.h"
 #include "set_point.h"
 
 #define PLUGIN_NAME "mecanum.wheel"
@@ -171,4 +172,5 @@ mjPLUGIN_LIB_INIT(mecanum_wheel) {
   plugin.compute = wheel_compute;
   plugin.advance = wheel_advance;
   mjp_registerPlugin(&plugin);
+  mecanum_rollers_register();
 }

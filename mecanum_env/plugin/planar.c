@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "chain.h"
+#include "rollers.h"
 
 #define LARGEST 1e10  // speeds beyond this have diverged, as for MuJoCo
 #define WHEELS 4
@@ -20,6 +21,7 @@ typedef struct {
   double moment_x, moment_y;            // mass times the offset of its centre [kg m]
   double weight, gravity_x, gravity_y;  // mass that gravity pulls [kg], gravity along the world's axes [m/s^2]
   double damping, damping_turn;         // viscous friction along the axes and in turning
+  double rollers[N_ROLLERS];            // what the rollers' friction is to the side, see rollers.h
 } Body;
 
 // How fl, fr, rl and rr turn when the body moves forward, to the left, and counter-clockwise.
@@ -83,6 +85,7 @@ EXPORT int64_t mecanum_planar(int64_t steps, double h, const double* parameters,
         b.gear[1] * push[1] - b.damping * velocity[1] + b.moment_y * rate2 + b.weight * pulled_aside,
         b.gear[2] * push[2] - b.damping_turn * velocity[2] + b.moment_x * pulled_aside - b.moment_y * pulled_ahead,
     };
+    rollers_hold(b.rollers, velocity[1], velocity[2], &force[1], &force[2]);
     move(&b, h, cosine, sine, force, velocity);
     wheel_speeds(&b, velocity, after);
     for (int i = 0; i < WHEELS; i++)

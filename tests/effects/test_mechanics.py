@@ -78,10 +78,29 @@ def test_viscous_friction_costs_the_same_share_on_the_floor(base, steady, plant)
         assert lost == pytest.approx(1 - kv / (kv + damping), abs=0.006)
 
 
-def test_roller_friction_costs_sideways_but_not_forward(base, steady):
+@pytest.mark.parametrize("plant", ["rollers", "planar"])
+def test_roller_friction_costs_sideways_but_not_forward(base, steady, plant):
     model = base.with_effect("roller_friction", damping_n_m_s_rad=0.003, torque_n_m=0.02)
-    assert loss(steady, model, base, 60, 90, 0) > 0.02
-    assert abs(loss(steady, model, base, 60, 0, 0)) < 0.002
+    assert loss(steady, model, base, 60, 90, 0, plant=plant) > 0.02
+    assert abs(loss(steady, model, base, 60, 0, 0, plant=plant)) < 0.002
+
+
+@pytest.mark.parametrize("values", [{"torque_n_m": 0.08}, {"damping_n_m_s_rad": 0.002}])
+@pytest.mark.parametrize("rollers", [6, 10])
+def test_roller_friction_slows_the_wheels_without_slip_as_on_rollers(base, values, rollers):
+    base = replace(base, robot=replace(base.robot, rollers_per_wheel=rollers))
+    rough = base.with_effect("roller_friction", **values)
+
+    def slower_rpm(plant, *command):
+        """Return how much the friction slows the wheels down, in the mean of the last second."""
+        with_it, without = (
+            np.mean(np.abs(drive(model, BodyCommands.constant(*command), 2.0, plant=plant).wheels_rpm[-480:]))
+            for model in (rough, base)
+        )
+        return without - with_it
+
+    for command in ((60, 90, 0), (0, 0, 40)):
+        assert slower_rpm("planar", *command) == pytest.approx(slower_rpm("rollers", *command), rel=0.15)
 
 
 def test_low_grip_spins_the_wheels_in_a_hard_start_and_spares_a_gentle_one(base):

@@ -243,7 +243,7 @@ def test_the_conditions_of_an_experiment_hold_the_whole_study(paper: Model):
 
 def test_slip_effects_are_not_designed_for_without_slip(paper: Model):
     conditions = robot_conditions("planar", speed_fl_rpm=0.5)
-    found = design_for_untestable(paper, ["roller_friction", "low_grip"], conditions, 12.0)
+    found = design_for_untestable(paper, ["low_grip"], conditions, 12.0)
     assert (found.experiment, found.why) == (None, "")
 
 

@@ -43,7 +43,7 @@ def robot_logs(model: Model) -> Dataset:
 
 def test_without_slip_what_slips_is_not_looked_for() -> None:
     gone = set(known_effects("robot")) - set(known_effects("robot", "planar"))
-    assert gone == {"roller_friction", "low_grip"}
+    assert gone == {"low_grip"}
     assert known_effects("bench", "planar") == known_effects("bench")
 
 

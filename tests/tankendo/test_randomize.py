@@ -123,7 +123,7 @@ def test_effects_that_change_how_a_robot_is_built_can_be_drawn(make, plant, rang
         ({"randomize": {"robot.mass_kg": (-5, 20)}}, "randomize: robot.mass_kg = -5.0, must be"),
         ({"randomize": {"wheel.saturation_rpm": (0, 20)}}, "randomize: wheel.saturation_rpm = 0.0"),
         ({"randomize": {"effects.battery_sag.per_volt": (-1, 1)}}, r"per_volt = \(-1, 1\), must lie"),
-        ({"randomize": {"effects.roller_friction.torque_n_m": (0, 0.1)}}, "planar plant cannot"),
+        ({"randomize": {"effects.low_grip.friction": (0.1, 0.2)}}, "planar plant cannot"),
     ],
 )
 def test_what_the_ends_of_a_range_cannot_be_is_said_at_once(make, arguments, message):

@@ -81,10 +81,7 @@ def test_a_latency_that_is_there_already_grows(identified):
 
 def test_what_the_planar_plant_refuses_runs_on_rollers(paper):
     physics = {plant.name: plant.physics for plant in robot_variants(paper)}
-    assert {name for name, kind in physics.items() if kind == "rollers"} == {
-        "with-roller_friction",
-        "with-low_grip",
-    }
+    assert {name for name, kind in physics.items() if kind == "rollers"} == {"with-low_grip"}
     assert {plant.physics for plant in robot_variants(paper, "rollers")} == {"rollers"}
 
 

@@ -52,6 +52,7 @@ _KNOWN: Final = (
     "acceleration_limit/s_curve",
     "coulomb_friction",
     "viscous_friction",
+    "roller_friction",
     "sensor_latency/body",
     "sensor_latency/pose",
     "sensor_lowpass",

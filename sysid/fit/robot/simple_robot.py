@@ -1,9 +1,10 @@
 """A simple robot of a few physical numbers: a start for law, effects and robot that no wheel's law reaches.
 
-A drive on the floor carries the robot. Where its torque is limited, or its loop has integral action, the same
-step of the command rises differently driving straight and turning, and a law that was fitted to the wheels
-describes neither. A lag, a delay and a gain, a servo with integral action and a torque limit, yaw inertia and
-the friction of the wheels have so few numbers that least squares finds them from a handful of places; law,
+A drive on the floor carries the robot. Where its torque is limited, its loop has integral action, the
+platform ramps its commands or the rollers have friction, the same step of the command rises differently
+driving straight, sideways and turning, and a law that was fitted to the wheels describes none of them. A lag,
+a delay and a gain, a servo with integral action and a torque limit, yaw inertia, friction of wheels and
+rollers and ramps have so few numbers that least squares finds them from the best of many places; law,
 robot and effects are then fitted together from there (`sysid.fit.robot.effects`).
 """
 
@@ -12,14 +13,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 from typing import Any, Final
 
 import numpy as np
 from scipy.optimize import least_squares
+from scipy.stats import qmc
 
 from mecanum_env.errors import MecanumError
 from mecanum_env.law import WheelLaw
+from mecanum_env.mjcf.geometry import wheel_geometry
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 from sysid.fit.robot.output_error import PlantData
@@ -27,21 +29,26 @@ from sysid.progress import Progress, silent
 
 ROBOT_NUMBERS: Final = ("servo_n_m_s_rad", "servo_integral_n_m_rad", "torque_limit_n_m", "yaw_inertia_kg_m2")
 """Parameters of the robot that are searched, unless they were measured."""
+_TRIED: Final = 64
+"""Places that are tried without ramps, with ramps of the command, and with ramps of the drives: a Sobol
+sequence each, so a power of two. Assumed, as are the numbers below."""
+_DESCENDED: Final = 3
+"""Places that are descended from, of those tried with the same ramps, and the number of steps."""
+_STEPS: Final = 8
 _BEST: Final = 3
-"""Places that are descended from, of all that are tried. Assumed, as are the numbers below."""
-_STEPS: Final = 6
-_LAST_STEPS: Final = 12
+"""Places that are descended from with small steps, of those, and the number of steps."""
+_LAST_STEPS: Final = 25
 _ASTRAY: Final = 1e3
 """Residual of a model that cannot be simulated, in standard deviations of the noise."""
+_STANDARD_GRAVITY_M_S2: Final = 9.81
 
 
 @dataclass(frozen=True)
 class _Number:
-    """A number of the simple robot: its bounds, and the places from which it is searched."""
+    """A number of the simple robot: its bounds."""
 
     low: float
     high: float
-    starts: tuple[float, ...]
     logarithmic: bool = False
 
     def at(self, share: float) -> float:
@@ -50,27 +57,36 @@ class _Number:
             return float(self.low * (self.high / self.low) ** share)
         return self.low + share * (self.high - self.low)
 
-    def share(self, value: float) -> float:
-        """Return the inverse of `at`."""
-        if self.logarithmic:
-            return math.log(value / self.low) / math.log(self.high / self.low)
-        return (value - self.low) / (self.high - self.low)
 
-
+_NO_RAMP_RPM_S: Final = 1e5
+_RAMP_RPM_S: Final = 2e4  # that a log may show
 _NUMBERS: Final = {
-    "lag_s": _Number(0.003, 0.5, (0.03,), logarithmic=True),
-    "delay_s": _Number(0.0, 0.2, (0.05,)),
-    "gain": _Number(0.7, 1.1, (0.98,)),
+    "lag_s": _Number(0.003, 0.5, logarithmic=True),
+    "delay_s": _Number(0.0, 0.2),
+    "gain": _Number(0.7, 1.1),
     # Of the robot's mass behind the servo, driving straight.
-    "servo_lag_s": _Number(0.005, 1.0, (0.03, 0.12), logarithmic=True),
-    "integral_s": _Number(0.02, 50.0, (0.4, 10.0), logarithmic=True),
-    "acceleration_rad_s2": _Number(10.0, 3000.0, (60.0, 400.0), logarithmic=True),
-    # Of a plate with the wheels at its corners.
-    "yaw_inertia": _Number(0.4, 2.5, (1.2,), logarithmic=True),
+    "servo_lag_s": _Number(0.005, 1.0, logarithmic=True),
+    "integral_s": _Number(0.02, 50.0, logarithmic=True),
+    "acceleration_rad_s2": _Number(10.0, 3000.0, logarithmic=True),
+    # Of a plate with the wheels at its corners. The rotors of geared motors make it several times as large.
+    "yaw_inertia": _Number(0.4, 8.0, logarithmic=True),
     # Speeds that friction takes from a servo without integral action [rad/s], and shares of the speed.
-    "coulomb_rad_s": _Number(0.0, 2.0, (0.3,)),
-    "viscous": _Number(0.0, 0.4, (0.1,)),
+    "coulomb_rad_s": _Number(0.0, 2.0),
+    "viscous": _Number(0.0, 0.4),
+    # Friction of the rollers sideways, in weights of the robot, and for each m/s.
+    "rolling": _Number(1e-4, 0.1, logarithmic=True),
+    "rolling_s_m": _Number(1e-4, 0.3, logarithmic=True),
+    # Ramps of the command, and of each drive with its braking in multiples; at their end there are none.
+    "v_ramp_rpm_s": _Number(30.0, _NO_RAMP_RPM_S, logarithmic=True),
+    "vc_ramp_rpm_s": _Number(30.0, _NO_RAMP_RPM_S, logarithmic=True),
+    "ramp_rpm_s": _Number(30.0, _NO_RAMP_RPM_S, logarithmic=True),
+    "brake": _Number(0.25, 4.0, logarithmic=True),
 }
+_BODY_RAMPS: Final = ("v_ramp_rpm_s", "vc_ramp_rpm_s")
+_RAMPS: Final = {"no ramps": (), "ramps of the command": _BODY_RAMPS, "ramps of the drives": ("ramp_rpm_s",)}
+"""What is tried -> the numbers that then are ramps."""
+_FASTEST_TRIED: Final = 0.55
+"""Share of the range of a ramp within which it is tried."""
 
 
 def simple_robot(model: Model, given: Sequence[str], data: PlantData, tell: Progress = silent) -> Model:
@@ -91,24 +107,35 @@ def simple_robot(model: Model, given: Sequence[str], data: PlantData, tell: Prog
     bases = [model]
     if asked > model.wheel.saturation_rpm:
         bases.append(replace(model, wheel=replace(model.wheel, saturation_rpm=math.inf)))
-    places = [
-        np.array([number.share(value) for number, value in zip(_NUMBERS.values(), values, strict=True)])
-        for values in product(*(number.starts for number in _NUMBERS.values()))
-    ]
-    tried = [
-        (float(np.sum(residual(place, base) ** 2)), i, place)
-        for i, base in enumerate(bases)
-        for place in places
-    ]
-    tried.sort(key=lambda one: one[0])
-    found = []
-    for number, (_, index, place) in enumerate(tried[:_BEST]):
-        tell(f"simple robot, start {number + 1} of {_BEST}")
-        found.append((_descended(residual, bases[index], place, 1e-2, _STEPS), index))
-    (_, place), index = min(found, key=lambda one: one[0][0])
+    coarse = []
+    for what, ramps in _RAMPS.items():
+        tell(f"simple robot, {what}")
+        places = _places(ramps)
+        tried = [(float(np.sum(residual(at, base) ** 2)), at, base) for base in bases for at in places]
+        tried.sort(key=_cost)
+        coarse += [_descended(residual, base, at, 1e-2, _STEPS) for _, at, base in tried[:_DESCENDED]]
+    coarse.sort(key=_cost)
     tell("simple robot")
-    _, place = _descended(residual, bases[index], place, 1e-3, _LAST_STEPS)
-    return _model(bases[index], given, place)
+    found = [_descended(residual, base, place, 1e-3, _LAST_STEPS) for _, place, base in coarse[:_BEST]]
+    _, place, base = min(found, key=_cost)
+    return _model(base, given, place)
+
+
+def _places(ramps: Sequence[str]) -> FloatArray:
+    """Return the places that are tried with some ramps and without the others, (`_TRIED`, numbers)."""
+    places = np.asarray(qmc.Sobol(len(_NUMBERS), rng=np.random.default_rng(0)).random(_TRIED), float)
+    for index, name in enumerate(_NUMBERS):
+        if "ramp" in name:
+            places[:, index] = _FASTEST_TRIED * places[:, index] if name in ramps else 1.0
+    return places
+
+
+_Start = tuple[float, FloatArray, Model]
+"""Cost at a place, the place, and the model that has the rest."""
+
+
+def _cost(start: _Start) -> float:
+    return start[0]
 
 
 def _descended(
@@ -117,14 +144,15 @@ def _descended(
     place: FloatArray,
     step: float,
     most: int,
-) -> tuple[float, FloatArray]:
+) -> _Start:
     """Return the least cost near a place, and where, after `most` steps with differences over a `step`."""
-    found = least_squares(residual, place, bounds=(0.0, 1.0), diff_step=step, max_nfev=most, args=(base,))
-    return float(found.cost), found.x
+    inside = np.clip(place, 1e-6, 1.0 - 1e-6)
+    found = least_squares(residual, inside, bounds=(0.0, 1.0), diff_step=step, max_nfev=most, args=(base,))
+    return 2.0 * float(found.cost), found.x, base
 
 
 def _model(base: Model, given: Sequence[str], place: FloatArray) -> Model:
-    """Return the simple robot at a place, shape (9,), each number a share of the way between its bounds."""
+    """Return the simple robot at a place, shape (15,), each number a share of the way between its bounds."""
     at = {name: number.at(float(x)) for (name, number), x in zip(_NUMBERS.items(), place, strict=True)}
     tick, robot = base.wheel.law.sample_period_s, base.robot
     pole = math.exp(-tick / at["lag_s"])
@@ -140,11 +168,25 @@ def _model(base: Model, given: Sequence[str], place: FloatArray) -> Model:
     }
     free: dict[str, Any] = {name: value for name, value in searched.items() if name not in given}
     robot = replace(robot, **free)
+    weight = robot.mass_kg * _STANDARD_GRAVITY_M_S2 / 4.0
+    # A roller turns sqrt 2 times as fast as its wheel moves sideways.
+    lever = wheel_geometry(robot.wheel_radius_m, robot.rollers_per_wheel).roller_radius / math.sqrt(2.0)
     effects = {
         "command_latency": {"delay_s": at["delay_s"]},
         "speed_gain": {"gain": at["gain"]},
         "coulomb_friction": {"torque_n_m": robot.servo_n_m_s_rad * at["coulomb_rad_s"]},
         "viscous_friction": {"damping_n_m_s_rad": robot.servo_n_m_s_rad * at["viscous"]},
+        "roller_friction": {
+            "torque_n_m": at["rolling"] * weight * lever,
+            "damping_n_m_s_rad": at["rolling_s_m"] * weight * lever**2,
+        },
     }
+    ramps = {"v_rpm_s": at["v_ramp_rpm_s"], "vc_rpm_s": at["vc_ramp_rpm_s"]}
+    limited = {name: ramp for name, ramp in ramps.items() if ramp < _RAMP_RPM_S}
+    if limited:
+        effects["body_acceleration_limit"] = limited
+    if at["ramp_rpm_s"] < _RAMP_RPM_S:
+        ramp = at["ramp_rpm_s"]
+        effects["acceleration_limit"] = {"limit_rpm_s": ramp, "brake_rpm_s": at["brake"] * ramp}
     wheel = replace(base.wheel, law=law)
     return replace(base, wheel=wheel, robot=robot, effects=effects, uncertainty={})

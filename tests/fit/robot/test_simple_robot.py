@@ -66,6 +66,24 @@ def test_what_was_measured_stays(logs: Dataset) -> None:
         assert (getattr(found.robot, name) == getattr(paper_model().robot, name)) == (name in given), name
 
 
+def test_ramps_and_the_friction_of_rollers_are_found(robot_logs: Callable[..., Dataset]) -> None:
+    model = paper_model()
+    weak = replace(model, robot=replace(model.robot, servo_n_m_s_rad=0.5, torque_limit_n_m=1.0))
+    weak = weak.with_effect("body_acceleration_limit", v_rpm_s=200.0, vc_rpm_s=120.0)
+    weak = weak.with_effect("roller_friction", torque_n_m=0.04)
+    logs = robot_logs(weak, runs=4, seconds=2.5)
+    found = simple_robot(model, ("friction",), wheels_of(logs)).effects
+    assert found["body_acceleration_limit"] == pytest.approx({"v_rpm_s": 200.0, "vc_rpm_s": 120.0}, rel=0.1)
+    assert found["roller_friction"]["torque_n_m"] == pytest.approx(0.04, rel=0.2)
+
+
+def test_a_ramp_of_each_drive_with_slow_brakes_is_found(robot_logs: Callable[..., Dataset]) -> None:
+    weak = paper_model().with_effect("acceleration_limit", limit_rpm_s=200.0, brake_rpm_s=100.0)
+    logs = robot_logs(weak, runs=4, seconds=2.5)
+    found = simple_robot(paper_model(), ("friction",), wheels_of(logs)).effects["acceleration_limit"]
+    assert found == pytest.approx({"limit_rpm_s": 200.0, "brake_rpm_s": 100.0}, rel=0.15)
+
+
 @pytest.fixture(scope="module")
 def found(logs: Dataset, start: Model) -> RobotWithEffects | None:
     def known_start(alone: Model, given: tuple[str, ...], data: PlantData, *_: object) -> Model:

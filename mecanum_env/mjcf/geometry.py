@@ -15,7 +15,15 @@ With p = pi / N, half the angle between rollers, two conditions fix r and c:
    the distance 2 r sin p / sqrt(1 + cos^2 p), at t = sqrt 2 r sin p cos p / (1 + cos^2 p) from their
    middles, where each roller has the radius b sqrt(1 - t^2 / c^2).
 
-N = 10 and R = 76.2 mm give r = 61.9, b = 14.3, c = 47.0 mm, and a reach that is round to 91 um.
+N = 10 and R = 76.2 mm give r = 61.9, b = 14.3, c = 47.0 mm, and a reach that is round to 91 um. The fewer
+rollers, the less round: with N = 8 to 0.23 % of R, with N = 4 to 1.7 %, and a robot would have to climb each
+of them with 13 % of its weight. Below N = 8 the rollers are therefore barrels with the reach R throughout,
+though they look like ellipsoids. At the latitude asin(u) above its equator a barrel reaches, from its middle,
+
+    R - r sqrt(1 - 2 u^2),
+
+since the floor lies at u = sin(phi) / sqrt 2. MuJoCo has no such shape: the plugin's library finds where it
+touches the floor (`mecanum_env/plugin/roller_contact.c`); engines without it see the ellipsoids.
 """
 
 from __future__ import annotations
@@ -34,6 +42,8 @@ from mecanum_env.units import FloatArray
 
 ROLLER_SIDE = {"fl": -1.0, "fr": 1.0, "rl": 1.0, "rr": -1.0}
 """s in the axis (1, s, 0) / sqrt 2 of the roller on the floor; seen from above, the four axes form an X."""
+_ELLIPSOIDS_FROM = 8
+"""Fewest rollers on a wheel that are ellipsoids."""
 _PHASE_SHARE = {"fl": 0.875, "fr": 0.375, "rl": 0.625, "rr": 0.125}
 """Initial angle of each wheel's first roller, relative to the angle between rollers.
 
@@ -60,8 +70,30 @@ class WheelGeometry:
 
     def reach(self, phi: FloatArray) -> FloatArray:
         """Return how far [m] the roller at `phi` [rad] from the lowest point reaches below the axle."""
+        if self.barrels:
+            return np.full(np.shape(phi), self.radius)
         b2, c2 = self.roller_radius**2, self.roller_half_length**2
         return np.asarray(self.roller_circle * np.cos(phi) + np.sqrt(b2 + (c2 - b2) * np.sin(phi) ** 2 / 2))
+
+    @property
+    def barrels(self) -> bool:
+        """Whether the rollers touch the floor as barrels, since ellipsoids would not be round enough."""
+        return self.rollers < _ELLIPSOIDS_FROM
+
+    @property
+    def barrel(self) -> tuple[float, float]:
+        """What the plugin has as user data of a barrel: r [m], and the largest sine of its latitude."""
+        return self.roller_circle, math.sin(math.pi / self.rollers) / math.sqrt(2)
+
+    def contact_radius(self, phi: FloatArray) -> FloatArray:
+        """Return the radius [m] at which a roller at `phi` [rad] from the lowest point touches the floor."""
+        u = np.sin(phi) / math.sqrt(2)
+        if self.barrels:
+            cosine, root = np.sqrt(1 - u**2), np.cos(phi)
+            slope = 2 * self.roller_circle * u / root * cosine
+            return np.asarray((self.radius - self.roller_circle * root) * cosine - slope * u)
+        b2, c2 = self.roller_radius**2, self.roller_half_length**2
+        return np.asarray(b2 * np.sqrt(1 - u**2) / np.sqrt(b2 + (c2 - b2) * u**2))
 
     @property
     def half_width(self) -> float:

@@ -90,6 +90,8 @@ def robot_spec(
     robot = model.robot
     geometry = wheel_geometry(robot.wheel_radius_m, robot.rollers_per_wheel)
     masses = robot_masses(robot)
+    if geometry.barrels:
+        spec.nuser_geom = len(geometry.barrel)
     base.add_joint(name="base", type=mujoco.mjtJoint.mjJNT_FREE)
     set_inertia(base, masses.base, (base_offset(robot), 0.0, 0.6 * robot.wheel_radius_m))
     rocker = base.add_body(name="rocker", pos=[robot.half_wheelbase_m, 0, 0])

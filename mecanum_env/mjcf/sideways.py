@@ -2,13 +2,9 @@
 
 A wheel whose centre moves sideways with the speed u turns the roller on the floor. While that is at the angle
 phi from the lowest point, the floor passes under it with u sqrt(1 + 1 / cos^2 phi), square to its axis, and
-touches it where its radius is (s = sin(phi) / sqrt 2; b and c as in `mecanum_env.mjcf.geometry`)
-
-    rho(phi) = b^2 sqrt(1 - s^2) / sqrt(b^2 + (c^2 - b^2) s^2)
-
-The roller therefore turns with x u, where x = sqrt(1 + 1 / cos^2 phi) / rho, and a torque t in its bearing
-holds the wheel back with the force x t. The planar plant, whose wheels have no angles, has the means of x and
-x^2 over a roller's turn.
+touches it where its radius is rho (`WheelGeometry.contact_radius`). So it turns with x u, where
+x = sqrt(1 + 1 / cos^2 phi) / rho, and a torque t in its bearing holds the wheel back with the force x t. The
+planar plant, whose wheels have no angles, has the means of x and x^2 over a roller's turn.
 """
 
 from __future__ import annotations
@@ -47,10 +43,6 @@ def sideways_friction(robot: Robot, body: PlanarBody, timestep_s: float) -> tupl
 @lru_cache(maxsize=64)
 def _turns_per_m(rollers: int) -> tuple[float, float]:
     """Return the means of x and x^2 of the module docstring, of a wheel with a radius of 1 m."""
-    wheel = wheel_geometry(1.0, rollers)
-    b2, c2 = wheel.roller_radius**2, wheel.roller_half_length**2
     phi = np.linspace(-np.pi / rollers, np.pi / rollers, _ANGLES)
-    s2 = np.sin(phi) ** 2 / 2.0
-    rho = b2 * np.sqrt(1.0 - s2) / np.sqrt(b2 + (c2 - b2) * s2)
-    x = np.sqrt(1.0 + 1.0 / np.cos(phi) ** 2) / rho
+    x = np.sqrt(1.0 + 1.0 / np.cos(phi) ** 2) / wheel_geometry(1.0, rollers).contact_radius(phi)
     return float(np.mean(x)), float(np.mean(x**2))

@@ -56,6 +56,8 @@ def add_wheel(
             conaffinity=0,
             group=_ROLLER_GROUP,
         )
+        if geometry.barrels:
+            geom.userdata = geometry.barrel
         if visuals:
             geom.material = _roller_material(i)
         rollers.append(roller_name)

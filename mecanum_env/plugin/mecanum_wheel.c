@@ -12,6 +12,7 @@
 
 #include "chain.h"
 #include "mecanum_rollers.h"
+#include "roller_contact.h"
 #include "set_point.h"
 
 #define PLUGIN_NAME "mecanum.wheel"
@@ -173,4 +174,5 @@ mjPLUGIN_LIB_INIT(mecanum_wheel) {
   plugin.advance = wheel_advance;
   mjp_registerPlugin(&plugin);
   mecanum_rollers_register();
+  roller_contact_register();
 }

@@ -7,6 +7,7 @@ command over each tick of the wheel law.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +20,8 @@ from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 from mecanum_env.wheel_drive.drive import EPS, RING, DriveParameters
 from mecanum_env.wheel_drive.inputs import Latched, latched, law_inputs
+
+_MIXING: Final = body_to_wheels(np.eye(3))  # (3, 4)
 
 
 def limits_body(model: Model) -> bool:
@@ -95,25 +98,36 @@ class BodyLimits:
         latches = np.searchsorted(latched_at, ticked_at, side="right")
         asked = law_inputs(self._drive, np.arange(ticked_at.size), commands, latches, -RING).T.copy()
         same = np.append(False, np.all(asked[1:] == asked[:-1], axis=1))
-        limited = np.zeros((ticked_at.size, len(WHEELS)))
+        means, opposed = list[BodyCommand](), np.zeros((ticked_at.size, len(WHEELS)))
         for tick, unchanged in enumerate(same.tolist()):
             if not unchanged:
-                body, opposed, settled = *_parts(asked[tick]), False
+                body, others, settled = *_parts(asked[tick]), False
             if not settled:
-                last = self._body
-                self._tick(body, opposed)
+                last, mean = self._body, self._limited(body)
                 # The next tick would start where this one did: while the command stays, so do the wheels.
                 settled = unchanged and self._body == last
-            limited[tick] = self._wheels
+            means.append(mean)
+            opposed[tick] = others
+        limited = _wheels_of(np.array(means)) + opposed
         return limited[np.searchsorted(ticked_at, np.arange(len(wheels_rpm)), side="right") - 1]
 
     def _tick(self, body: BodyCommand, opposed_rpm: FloatArray) -> None:
         """Limit the body's command of one tick of the wheel law; the rest of the wheels' passes, (4,)."""
+        self._wheels = _wheels_of(np.array(self._limited(body))) + opposed_rpm
+
+    def _limited(self, body: BodyCommand) -> BodyCommand:
+        """Limit the body's command of one tick; return its mean over the tick."""
         mean = body
         for limit, values in self._limits:
             body, mean = limit(body, self._body, values, self._drive.law.sample_period_s)
         self._body = body
-        self._wheels = body_to_wheels(mean) + opposed_rpm
+        return mean
+
+
+def _wheels_of(bodies_rpm: FloatArray) -> FloatArray:
+    """Return what `body_to_wheels` does, with the same bits for one body as for many."""
+    forward, left, turn = (bodies_rpm[..., i, None] for i in range(3))
+    return np.asarray(forward * _MIXING[0] + left * _MIXING[1] + turn * _MIXING[2])
 
 
 def _parts(wheels_rpm: FloatArray) -> tuple[BodyCommand, FloatArray]:

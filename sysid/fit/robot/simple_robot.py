@@ -11,7 +11,7 @@ robot and effects are then fitted together from there (`sysid.fit.robot.effects`
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -20,19 +20,22 @@ from scipy.optimize import least_squares
 from scipy.stats import qmc
 
 from mecanum_env.errors import MecanumError
+from mecanum_env.kinematics import WHEELS, wheels_to_body
 from mecanum_env.law import WheelLaw
 from mecanum_env.mjcf.geometry import wheel_geometry
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
+from sysid.compare.measured import changes_from_rest
 from sysid.fit.robot.output_error import PlantData
+from sysid.logs import Run
 from sysid.progress import Progress, silent
 
 ROBOT_NUMBERS: Final = ("servo_n_m_s_rad", "servo_integral_n_m_rad", "torque_limit_n_m", "yaw_inertia_kg_m2")
 """Parameters of the robot that are searched, unless they were measured."""
-_TRIED: Final = 64
-"""Places that are tried without ramps, with ramps of the command, and with ramps of the drives: a Sobol
-sequence each, so a power of two. Assumed, as are the numbers below."""
-_DESCENDED: Final = 3
+_TRIED: Final = 128
+"""Places that are tried without ramps and with each choice of them: a Sobol sequence, so a power of two.
+Assumed, as are the numbers below."""
+_DESCENDED: Final = 5
 """Places that are descended from, of those tried with the same ramps, and the number of steps."""
 _STEPS: Final = 8
 _BEST: Final = 3
@@ -56,6 +59,10 @@ class _Number:
         if self.logarithmic:
             return float(self.low * (self.high / self.low) ** share)
         return self.low + share * (self.high - self.low)
+
+    def share(self, value: FloatArray) -> FloatArray:
+        """Return the inverse of `at` of numbers with logarithmic bounds, within the bounds."""
+        return np.asarray(np.clip(np.log(value / self.low) / math.log(self.high / self.low), 0.0, 1.0))
 
 
 _NO_RAMP_RPM_S: Final = 1e5
@@ -82,11 +89,19 @@ _NUMBERS: Final = {
     "ramp_rpm_s": _Number(30.0, _NO_RAMP_RPM_S, logarithmic=True),
     "brake": _Number(0.25, 4.0, logarithmic=True),
 }
-_BODY_RAMPS: Final = ("v_ramp_rpm_s", "vc_ramp_rpm_s")
-_RAMPS: Final = {"no ramps": (), "ramps of the command": _BODY_RAMPS, "ramps of the drives": ("ramp_rpm_s",)}
+_COMMAND, _DRIVE = ("v_ramp_rpm_s", "vc_ramp_rpm_s"), ("ramp_rpm_s",)
+_RAMPS: Final = {
+    "no ramps": (),
+    "ramps of the command": _COMMAND,
+    "ramps of the drives": _DRIVE,
+    "ramps of both": (*_COMMAND, *_DRIVE),
+}
 """What is tried -> the numbers that then are ramps."""
-_FASTEST_TRIED: Final = 0.55
-"""Share of the range of a ramp within which it is tried."""
+_AS_FAST: Final = 0.95
+"""Quantile of the rates of change in the logs around which ramps are tried: a ramp is never exceeded."""
+_OCTAVES: Final = (-0.5, 1.0)
+"""Least and largest ramp that is tried, in octaves beside that rate."""
+_OVER_S: Final = 0.1  # time over which a rate is measured [s]
 
 
 def simple_robot(model: Model, given: Sequence[str], data: PlantData, tell: Progress = silent) -> Model:
@@ -95,6 +110,7 @@ def simple_robot(model: Model, given: Sequence[str], data: PlantData, tell: Prog
     The `model` gives the rest: the clock, and of the robot what is `given`. Its ceiling is tried, and none.
     `tell` is called before each search.
     """
+    data = replace(data, runs=_of_different_commands(data.runs))
     measured = data.measured()
 
     def residual(place: FloatArray, base: Model) -> FloatArray:
@@ -107,10 +123,10 @@ def simple_robot(model: Model, given: Sequence[str], data: PlantData, tell: Prog
     bases = [model]
     if asked > model.wheel.saturation_rpm:
         bases.append(replace(model, wheel=replace(model.wheel, saturation_rpm=math.inf)))
-    coarse = []
+    coarse, rates = [], _rates_rpm_s(data)
     for what, ramps in _RAMPS.items():
         tell(f"simple robot, {what}")
-        places = _places(ramps)
+        places = _places(ramps, rates)
         tried = [(float(np.sum(residual(at, base) ** 2)), at, base) for base in bases for at in places]
         tried.sort(key=_cost)
         coarse += [_descended(residual, base, at, 1e-2, _STEPS) for _, at, base in tried[:_DESCENDED]]
@@ -121,12 +137,39 @@ def simple_robot(model: Model, given: Sequence[str], data: PlantData, tell: Prog
     return _model(base, given, place)
 
 
-def _places(ramps: Sequence[str]) -> FloatArray:
-    """Return the places that are tried with some ramps and without the others, (`_TRIED`, numbers)."""
+def _of_different_commands(runs: Sequence[Run]) -> tuple[Run, ...]:
+    """Return one run of each command sequence: repeats would only cost time."""
+    first: dict[bytes, Run] = {}
+    for run in runs:
+        first.setdefault(changes_from_rest(run)[1].tobytes(), run)
+    return tuple(first.values())
+
+
+def _rates_rpm_s(data: PlantData) -> dict[str, float]:
+    """Return how fast V, VC and the wheels changed in logs [rpm/s], by the names of the ramps."""
+    changes = []
+    for run in data.runs:
+        grid = np.arange(run.time_s[0], run.time_s[-1], _OVER_S)
+        speeds = [run.channels[name] for name in data.channels]
+        wheels = [np.interp(grid, run.time_s[ok], v[ok]) for v in speeds for ok in (np.isfinite(v),)]
+        changes.append(np.diff(np.stack(wheels, axis=-1), axis=0) / _OVER_S)
+    wheel = np.concatenate(changes)
+    vx, vy, vc = wheels_to_body(wheel).T if wheel.shape[1] == len(WHEELS) else np.zeros((3, len(wheel)))
+    rates = {"v_ramp_rpm_s": np.hypot(vx, vy), "vc_ramp_rpm_s": np.abs(vc), "ramp_rpm_s": np.abs(wheel)}
+    return {name: float(np.quantile(values, _AS_FAST)) for name, values in rates.items()}
+
+
+def _places(ramps: Sequence[str], rates_rpm_s: Mapping[str, float]) -> FloatArray:
+    """Return the places that are tried with some ramps and without the others, (`_TRIED`, numbers).
+
+    Ramps are tried around the rates that were seen, `rates_rpm_s`.
+    """
     places = np.asarray(qmc.Sobol(len(_NUMBERS), rng=np.random.default_rng(0)).random(_TRIED), float)
-    for index, name in enumerate(_NUMBERS):
-        if "ramp" in name:
-            places[:, index] = _FASTEST_TRIED * places[:, index] if name in ramps else 1.0
+    slowest, fastest = _OCTAVES
+    for index, (name, number) in enumerate(_NUMBERS.items()):
+        if name in rates_rpm_s:
+            ramp = rates_rpm_s[name] * 2.0 ** (slowest + (fastest - slowest) * places[:, index])
+            places[:, index] = number.share(np.maximum(ramp, number.low)) if name in ramps else 1.0
     return places
 
 
@@ -145,10 +188,15 @@ def _descended(
     step: float,
     most: int,
 ) -> _Start:
-    """Return the least cost near a place, and where, after `most` steps with differences over a `step`."""
+    """Return the least cost near a place, and where, after `most` steps with differences over a `step`.
+
+    Trust regions of the numbers as they are, and scaled by the Jacobian, lead to different minima.
+    """
     inside = np.clip(place, 1e-6, 1.0 - 1e-6)
-    found = least_squares(residual, inside, bounds=(0.0, 1.0), diff_step=step, max_nfev=most, args=(base,))
-    return 2.0 * float(found.cost), found.x, base
+    limits: dict[str, Any] = {"bounds": (0.0, 1.0), "diff_step": step, "max_nfev": most, "args": (base,)}
+    found = [least_squares(residual, inside, x_scale=scale, **limits) for scale in (1.0, "jac")]
+    best = min(found, key=lambda one: float(one.cost))
+    return 2.0 * float(best.cost), best.x, base
 
 
 def _model(base: Model, given: Sequence[str], place: FloatArray) -> Model:

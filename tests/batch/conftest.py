@@ -6,10 +6,19 @@ import numpy as np
 import pytest
 
 from mecanum_env.batch import PlanarBatch, planar_robot
+from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import Model
 from mecanum_env.tankendo.plant import RobotBatch, compile_model
 
 STEPS = 40
+ACTING = [
+    (effect.name, parameter.name)
+    for effect in CATALOGUE.values()
+    if effect.acts_in("planar") and effect.changes_motion
+    for parameter in effect.parameters
+    if effect.name != "static_map"  # its parameters only make sense together
+]
+"""Every effect that changes the motion of the planar plant, with each of its parameters."""
 
 
 def commands(n: int, steps: int = STEPS) -> np.ndarray:

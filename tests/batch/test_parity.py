@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from mecanum_env.batch import PlanarBatch, planar_robot
-from mecanum_env.effects import CATALOGUE
 from mecanum_env.effects.catalogue import registered
 from mecanum_env.effects.definition import Effect, Parameter
 from mecanum_env.errors import EffectRefusedError, InputError
@@ -14,16 +13,10 @@ from mecanum_env.model import paper_model
 from mecanum_env.model.custom import CustomEffect
 from mecanum_env.model.static_map import map_parameters
 from mecanum_env.simulator import SimulationDivergedError
+from tests.batch.conftest import ACTING
 from tests.effects.conftest import clear_model
 
 CLOSE = 1e-6
-ACTING = [
-    (effect.name, parameter.name)
-    for effect in CATALOGUE.values()
-    if effect.acts_in("planar") and effect.changes_motion
-    for parameter in effect.parameters
-    if effect.name != "static_map"  # its parameters only make sense together
-]
 
 
 def test_the_plain_robot(apart):

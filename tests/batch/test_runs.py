@@ -13,6 +13,7 @@ from mecanum_env.model import Model, paper_model
 from mecanum_env.model.custom import CustomEffect
 from mecanum_env.simulator import BodyCommands, SimulationDivergedError, drive
 from mecanum_env.simulator.supply import Supply
+from tests.batch.conftest import ACTING
 from tests.effects.conftest import clear_model
 
 STEP_S = 1 / 240
@@ -21,13 +22,6 @@ RNG = np.random.default_rng(5)
 COMMANDS = BodyCommands(
     np.arange(10) * 0.4, *np.round(RNG.uniform([-90, -180, -60], [90, 180, 60], (10, 3))).T
 )
-ACTING = [
-    (effect.name, parameter.name)
-    for effect in CATALOGUE.values()
-    if effect.acts_in("planar") and effect.changes_motion
-    for parameter in effect.parameters
-    if effect.name != "static_map"  # its parameters only make sense together
-]
 
 
 def apart(model: Model, supply: Supply | None = None) -> float:

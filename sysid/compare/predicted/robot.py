@@ -11,9 +11,18 @@ import numpy as np
 
 from mecanum_env.batch.runs import PlanarDrives, PlanarPath
 from mecanum_env.effects.apply import drive_parameters
+from mecanum_env.errors import EffectRefusedError
 from mecanum_env.mjcf.physics import TRAINING_TIMESTEP_S
 from mecanum_env.model import Model
-from mecanum_env.simulator import BodyCommands, Commands, Trajectory, WheelCommands, compile_plant, drive
+from mecanum_env.simulator import (
+    BodyCommands,
+    Commands,
+    RobotPlant,
+    Trajectory,
+    WheelCommands,
+    compile_plant,
+    drive,
+)
 from mecanum_env.simulator.robot import standing
 from mecanum_env.simulator.supply import Supply
 from mecanum_env.simulator.trajectory import CHANNELS
@@ -41,7 +50,10 @@ class CompiledRobot:
 
     def __init__(self, model: Model, settings: SimulationSettings) -> None:
         self._model = model
-        self._drive = _planar(model, settings) if settings.plant == "planar" else _rollers(model, settings)
+        on_rollers = settings.plant == "rollers"
+        self._drive = (
+            _in_mujoco(model, "rollers", settings.timestep_s) if on_rollers else _planar(model, settings)
+        )
 
     @cached_property
     def _follows_voltage(self) -> bool:
@@ -68,13 +80,17 @@ class CompiledRobot:
 def _planar(model: Model, settings: SimulationSettings) -> _Drive:
     """Return how a robot without slip is driven, whose wheels have no angles."""
     step = TRAINING_TIMESTEP_S if settings.timestep_s is None else settings.timestep_s
-    drives = PlanarDrives(model, step)
+    try:
+        drives = PlanarDrives(model, step)
+    except EffectRefusedError:
+        # Effects of one's own may have a form for MuJoCo alone. What the plant refuses, that refuses, too.
+        return _in_mujoco(model, "planar", step)
     return lambda commands, duration_s, supply, _: drives.drive(commands, duration_s, supply)
 
 
-def _rollers(model: Model, settings: SimulationSettings) -> _Drive:
-    """Return how a robot on rollers is driven, without visuals and without computing its sensors."""
-    compiled = compile_plant(model, "rollers", settings.timestep_s, visuals=False)
+def _in_mujoco(model: Model, plant: RobotPlant, timestep_s: float | None) -> _Drive:
+    """Return how a robot is driven in MuJoCo, without visuals and without computing its sensors."""
+    compiled = compile_plant(model, plant, timestep_s, visuals=False)
     # The motion is read off positions and velocities; the accelerometer alone takes a sixth of a step.
     compiled.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_SENSOR
     data, stances = mujoco.MjData(compiled), dict[tuple[float, ...], FloatArray]()

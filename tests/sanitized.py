@@ -60,7 +60,7 @@ def main(arguments: list[str]) -> int:
             "PYTHONPATH": str(copy),
             "PYTHONMALLOC": "malloc",
         }
-        chosen = arguments or ["tests/plugin"]
+        chosen = arguments or ["tests/plugin", "tests/batch/test_runs.py"]
         done = subprocess.run(
             [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *chosen],
             cwd=copy, env=environment, check=False,

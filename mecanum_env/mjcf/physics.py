@@ -90,15 +90,23 @@ def prepare_drives(spec: mujoco.MjSpec, model: Model) -> None:
 
 
 def add_roller_friction(
-    spec: mujoco.MjSpec, base: mujoco.MjsBody, numbers: tuple[float, float, float, float]
+    spec: mujoco.MjSpec, base: mujoco.MjsBody, drive: Drive, numbers: tuple[float, float, float, float]
 ) -> None:
     """Give the planar plant's body the friction of its rollers, if there is any.
 
-    `numbers` are those of `mecanum_env.mjcf.sideways`.
+    `numbers` are those of `mecanum_env.mjcf.sideways`, and `drive` is as for `add_drive`.
+
+    Raises:
+        InputError: there is friction, and `drive` is "servo", for engines without plugins.
     """
     rub, drag, *_ = numbers
     if rub == 0.0 and drag == 0.0:
         return
+    if drive == "servo":
+        raise InputError(
+            'effects.roller_friction needs the plugin, drive="plugin", on the planar plant; remove it from '
+            'the model file for drive="servo", or take the rollers'
+        )
     spec.activate_plugin(ROLLERS_PLUGIN)
     base.plugin = spec.add_plugin(name="rollers", plugin_name=ROLLERS_PLUGIN, active=True)
     spec.nuser_body = len(numbers)

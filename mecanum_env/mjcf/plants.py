@@ -149,7 +149,7 @@ def planar_spec(
         add_drive(spec, model, f"wheel_{wheel}", drive, wheel_quantum, wheel, gear)
     acting = active_effects(model)
     add_roller_friction(
-        spec, base, sideways_friction(robot, planar_body(robot, acting), spec.option.timestep)
+        spec, base, drive, sideways_friction(robot, planar_body(robot, acting), spec.option.timestep)
     )
     _add_sensors(spec)
     change_spec(spec, model, "planar")

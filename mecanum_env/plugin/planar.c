@@ -91,11 +91,11 @@ EXPORT int64_t mecanum_planar(int64_t steps, double h, const double* parameters,
     for (int i = 0; i < WHEELS; i++)
       chain_end(&drives[i], parameters + i * N_NUMBERS, &now[i], torques[i].asked, torques[i].drive,
                 chain_reported(&torques[i]), after[i]);
-    place[0] += h * (cosine * velocity[0] - sine * velocity[1]);
-    place[1] += h * (sine * velocity[0] + cosine * velocity[1]);
-    place[2] += h * velocity[2];
     // The velocity stays in the world's axes, as the body turns under it.
     double world[2] = {cosine * velocity[0] - sine * velocity[1], sine * velocity[0] + cosine * velocity[1]};
+    place[0] += h * world[0];
+    place[1] += h * world[1];
+    place[2] += h * velocity[2];
     double c = cos(place[2]), s = sin(place[2]);
     velocity[0] = c * world[0] + s * world[1];
     velocity[1] = c * world[1] - s * world[0];

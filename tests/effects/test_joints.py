@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mecanum_env.errors import InputError
-from mecanum_env.mjcf import bench_spec
+from mecanum_env.mjcf import bench_spec, planar_spec, robot_spec
 from mecanum_env.plugin.layout import write_parameters
 from mecanum_env.simulator import BodyCommands, drive, replay_bench
 from mecanum_env.units import RAD_S_PER_RPM
@@ -120,6 +120,13 @@ def test_drives_without_the_plugin_refuse_what_lies_behind_the_law(base):
     for name, values in ((name, {parameter: 0.1}) for name, parameter in behind.items()):
         with pytest.raises(InputError, match='need the plugin, drive="plugin"'):
             bench_spec(base.with_effect(name, **values), drive="servo")
+
+
+def test_the_planar_plant_without_plugins_refuses_the_friction_of_rollers(base):
+    model = base.with_effect("roller_friction", torque_n_m=0.05)
+    with pytest.raises(InputError, match=r'effects\.roller_friction needs the plugin, drive="plugin"'):
+        planar_spec(model, drive="servo")
+    robot_spec(model, drive="servo")
 
 
 def test_friction_can_be_written_into_a_compiled_model(base):

@@ -25,7 +25,6 @@ from mecanum_env.law import WheelLaw
 from mecanum_env.mjcf.geometry import wheel_geometry
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
-from sysid.compare.measured import changes_from_rest
 from sysid.fit.robot.output_error import PlantData
 from sysid.logs import Run
 from sysid.progress import Progress, silent
@@ -139,22 +138,27 @@ def simple_robot(model: Model, given: Sequence[str], data: PlantData, tell: Prog
 
 def _of_different_commands(runs: Sequence[Run]) -> tuple[Run, ...]:
     """Return one run of each command sequence: repeats would only cost time."""
-    first: dict[bytes, Run] = {}
+    first: dict[str, Run] = {}
     for run in runs:
-        first.setdefault(changes_from_rest(run)[1].tobytes(), run)
+        first.setdefault(run.group, run)
     return tuple(first.values())
 
 
 def _rates_rpm_s(data: PlantData) -> dict[str, float]:
-    """Return how fast V, VC and the wheels changed in logs [rpm/s], by the names of the ramps."""
+    """Return how fast V, VC and the wheels changed in logs [rpm/s], by the names of the ramps.
+
+    Only runs that show all four wheels tell; without one the rates are 0.
+    """
     changes = []
     for run in data.runs:
+        shown = [name for name in data.channels if name in run.channels and np.any(run.finite(name))]
         grid = np.arange(run.time_s[0], run.time_s[-1], _OVER_S)
-        speeds = [run.channels[name] for name in data.channels]
-        wheels = [np.interp(grid, run.time_s[ok], v[ok]) for v in speeds for ok in (np.isfinite(v),)]
-        changes.append(np.diff(np.stack(wheels, axis=-1), axis=0) / _OVER_S)
-    wheel = np.concatenate(changes)
-    vx, vy, vc = wheels_to_body(wheel).T if wheel.shape[1] == len(WHEELS) else np.zeros((3, len(wheel)))
+        if len(shown) == len(WHEELS) and grid.size > 1:
+            seen = [(run.time_s[run.finite(name)], run.channels[name][run.finite(name)]) for name in shown]
+            wheels = np.stack([np.interp(grid, *one) for one in seen], axis=-1)
+            changes.append(np.diff(wheels, axis=0) / _OVER_S)
+    wheel = np.concatenate(changes or [np.zeros((1, len(WHEELS)))])
+    vx, vy, vc = wheels_to_body(wheel).T
     rates = {"v_ramp_rpm_s": np.hypot(vx, vy), "vc_ramp_rpm_s": np.abs(vc), "ramp_rpm_s": np.abs(wheel)}
     return {name: float(np.quantile(values, _AS_FAST)) for name, values in rates.items()}
 

@@ -15,7 +15,7 @@ from sysid.fit.robot import simple_robot as simple_robots
 from sysid.fit.robot.effects import RobotWithEffects
 from sysid.fit.robot.output_error import PlantData
 from sysid.fit.robot.simple_robot import ROBOT_NUMBERS, simple_robot
-from sysid.logs import Dataset
+from sysid.logs import BodyCommand, Dataset, Run
 
 NOISE_RPM = 0.3
 
@@ -61,6 +61,29 @@ def test_torque_limit_and_delay_are_found_without_a_place_to_start(limited: Mode
 def test_the_simple_robot_predicts_far_better_than_the_packaged_one(logs: Dataset, start: Model) -> None:
     data = wheels_of(logs)
     assert data.residual_rms(start) < 0.2 * data.residual_rms(paper_model())
+
+
+def test_repeats_are_left_out_and_equal_levels_held_otherwise_are_not(logs: Dataset) -> None:
+    one = logs.split("fit")[0]
+    stretched = replace(one, group="slower", time_s=1.5 * one.time_s)
+    chosen = simple_robots._of_different_commands((one, replace(one, file="again.csv"), stretched))
+    assert [run.group for run in chosen] == [one.group, "slower"]
+
+
+def test_the_rates_of_ramps_need_no_wheel_that_a_run_does_not_show(logs: Dataset) -> None:
+    data = wheels_of(logs)
+    dark, lost, short = data.runs[0], data.runs[1], first_rows(data.runs[0], 3)
+    dark = replace(dark, channels={**dark.channels, "speed_fl_rpm": np.full(dark.time_s.size, np.nan)})
+    lost = replace(lost, channels={n: v for n, v in lost.channels.items() if n != "speed_rr_rpm"})
+    whole = simple_robots._rates_rpm_s(data)
+    assert simple_robots._rates_rpm_s(replace(data, runs=(*data.runs, dark, lost, short))) == whole
+    assert set(simple_robots._rates_rpm_s(replace(data, runs=(dark, lost, short))).values()) == {0.0}
+
+
+def first_rows(run: Run, rows: int) -> Run:
+    command = BodyCommand(*(values[:rows] for values in run.command.columns().values()))
+    channels = {name: values[:rows] for name, values in run.channels.items()}
+    return replace(run, time_s=run.time_s[:rows], command=command, channels=channels)
 
 
 def test_what_was_measured_stays(logs: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:

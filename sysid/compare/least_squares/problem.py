@@ -23,6 +23,7 @@ from mecanum_env.units import FloatArray
 from sysid.compare.least_squares.gauss_newton import Mask
 from sysid.compare.least_squares.phases import with_unknown_phases
 from sysid.compare.least_squares.ripple import WheelAngleRipple
+from sysid.compare.least_squares.shared_part import shared_part
 from sysid.compare.model_error import Learned, RepeatedCommands, Whitener, plausible_models, shape_columns
 from sysid.compare.predicted import (
     START_PRICE,
@@ -135,17 +136,30 @@ class ResidualProblem:
         """Return the whitened residual (N,) of a model, None if it cannot be simulated.
 
         Where the logs of the fit tell how the base model errs, only what a model changes counts. It is
-        simulated on the planar plant as far as that shows it: rollers meet the floor by chance a little
-        earlier or later with any change, which would hide most changes.
+        simulated on the planar plant as far as that shows it, and otherwise as far as draws of the rollers'
+        angles agree: rollers meet the floor by chance a little earlier or later with any change, which would
+        hide most changes, or look like one.
         """
         if not self.knows_all:
             return self._residual(self.simulators.full, model)
         slow = self._only_on_rollers(model)
-        rollers = self._residual(self.simulators.averaged, slow)
+        rollers = self._on_rollers(slow)
         if rollers is None or model_key(slow) == model_key(model):
             return rollers
         here, there = self.surrogate_residual(slow), self.surrogate_residual(model)
         return None if here is None or there is None else rollers + there - here
+
+    def _on_rollers(self, model: Model) -> FloatArray | None:
+        """Return the whitened residual (N,) of a model that differs from the base model on rollers alone."""
+        if model_key(model) == model_key(self.base):
+            return self.base_residual
+        draws = self.simulators.averaged.simulators
+        here = [self._beside(one.predictions, self.base) for one in draws]
+        there = [self._beside(one.predictions, model) for one in draws]
+        pairs = [(a, b) for a, b in zip(here, there, strict=True) if a is not None and b is not None]
+        if len(pairs) < len(draws):
+            return None
+        return self.base_residual + shared_part([b - a for a, b in pairs])
 
     def _only_on_rollers(self, model: Model) -> Model:
         """Return the base model with those effects of a model that the surrogate does not show."""

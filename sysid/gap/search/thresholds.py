@@ -141,5 +141,5 @@ class SearchEffort:
 
 EFFORT: Final[Mapping[Level, SearchEffort]] = {
     "bench": SearchEffort(40, 16, 8, 20, 5, 240.0),
-    "robot": SearchEffort(8, 8, 4, 4, 3, 60.0),
+    "robot": SearchEffort(40, 16, 8, 20, 5, 60.0),
 }

@@ -216,9 +216,14 @@ class ResidualProblem:
         return self._residual(self.simulators.planar, planar_part(model))
 
     def surrogate_covers(self, effects: Sequence[str]) -> bool:
-        """Return whether there is a surrogate and it shows what the `effects` change."""
+        """Return whether there is a surrogate and it shows what the `effects` change.
+
+        Beside the logs of the fit it need only show most of it: what rollers add is less than what they do by
+        chance, and less than what the model errs by.
+        """
         known = [CATALOGUE[name] for name in effects if name]
-        return self.simulators.planar is not None and all(effect.fully_in("planar") for effect in known)
+        shown = (effect.acts_in if self.knows_all else effect.fully_in for effect in known)
+        return self.simulators.planar is not None and all(shows("planar") for shows in shown)
 
     def surrogate_mask(self, owners: Sequence[str]) -> Mask:
         """Return which parameters' influence the surrogate shows, (p,), by their effects `owners`, (p,)."""

@@ -182,8 +182,7 @@ def repeated_commands(
     level = first[0].level
     scatters = scatters_of(pairs)
     if scatters:
-        if level == "bench":
-            noise = noise_beside_model(noise, [pair.noted(observations) for pair in pairs])
+        noise = noise_beside_model(noise, [pair.noted(observations) for pair in pairs])
         noise, freedom = _calibrated(noise, observations, scatters, level)
     elif level == "bench":
         # Nothing else tells by how much two answers of a wheel to one command differ after its changes.

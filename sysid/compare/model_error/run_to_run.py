@@ -20,7 +20,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize_scalar
-from scipy.stats import chi2
+from scipy.stats import norm
 
 from mecanum_env.units import FloatArray
 
@@ -55,9 +55,9 @@ def run_to_run_columns(
         shown = lengths > _NEGLIGIBLE**2
         sums = np.sum(scores**2, axis=2)
         squares = np.divide(sums, lengths, out=np.zeros(sums.shape), where=shown)
-        by_chance = chi2.sf(squares.sum(axis=0), np.maximum(1, differences @ shown))
+        by_chance = _log_chance(squares.sum(axis=0), np.maximum(1, differences @ shown))
         best = int(np.argmin(by_chance))
-        if by_chance[best] * max(1, columns.shape[1]) > _BY_CHANCE:
+        if by_chance[best] + np.log(max(1, columns.shape[1])) > np.log(_BY_CHANCE):
             break
         sigma = _sigma(squares[:, best], lengths[:, best], differences)
         if sigma == 0.0:
@@ -75,6 +75,16 @@ def run_to_run_columns(
             left[own] += shrink * np.outer(axis, axis @ left[own])
             moved[own] += shrink * np.outer(axis, axis @ moved[own])
     return np.stack(found, axis=1) if found else np.zeros((len(left), 0))
+
+
+def _log_chance(square: FloatArray, freedom: FloatArray) -> FloatArray:
+    """Return the logarithm of the probability that chi-squared values are at least a `square`.
+
+    It is that of the normal approximation of Wilson and Hilferty (PNAS 17:684, 1931), which tells apart what
+    is so unlikely that the probability itself is no number any more.
+    """
+    spread = 2.0 / (9.0 * freedom)
+    return np.asarray(norm.logsf(((square / freedom) ** (1.0 / 3.0) - 1.0 + spread) / np.sqrt(spread)))
 
 
 def _sigma(squares: FloatArray, lengths: FloatArray, differences: npt.NDArray[np.intp]) -> float:

@@ -155,16 +155,22 @@ class Search:
         self._fit_hopeful(ranked[1:])
 
     def _is_always_fitted(self, growth: Growth) -> bool:
-        """Return whether a growth is fitted whatever the screening promises: a single effect on the bench.
+        """Return whether a growth is fitted whatever the screening promises: a single effect without rollers.
 
         That takes a second, and a threshold between two of the sizes that were screened may promise a fifth
         of what it gains.
         """
-        return len(growth.names) == 1 and not self.problem.has_surrogate
+        problem = self.problem
+        quick = not problem.has_surrogate or (problem.knows_all and problem.surrogate_covers(growth.names))
+        return len(growth.names) == 1 and quick
 
     def _fit_hopeful(self, growths: Sequence[Growth]) -> None:
         limits = [self._limit(growth.candidate.names) for growth in growths]
-        pairs = [(g, limit) for g, limit in zip(growths, limits, strict=True) if self._may_reach(g, limit)]
+        pairs = [
+            (growth, limit)
+            for growth, limit in zip(growths, limits, strict=True)
+            if self._is_always_fitted(growth) or self._may_reach(growth, limit)
+        ]
         fits = self.problem.settings.map(self._fit, pairs)
         found = {g.names: one for (g, _), one in zip(pairs, fits, strict=True) if one is not None}
         self._fitted |= {names: one for names, one in found.items() if not self._rings(one)}

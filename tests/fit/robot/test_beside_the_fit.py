@@ -71,6 +71,34 @@ def test_what_only_rollers_show_is_still_simulated_on_them(unchanged: ResidualPr
     assert np.linalg.norm(slippery - problem.base_residual) > 10.0
 
 
+def test_a_grip_that_no_wheel_misses_changes_next_to_nothing(unchanged: ResidualProblem) -> None:
+    problem, base = unchanged, unchanged.base
+    weaker = base.with_effect("low_grip", friction=0.9 * base.robot.friction)
+    residual = problem.residual(weaker)
+    assert residual is not None
+    one = problem.simulators.full
+    by_chance = problem.whitener.whiten(one.predictions(weaker)) - problem.whitener.whiten(
+        one.predictions(base)
+    )
+    assert np.linalg.norm(residual - problem.base_residual) < 0.5 * np.linalg.norm(by_chance)
+
+
+@pytest.mark.parametrize(
+    "effect", [{"com_offset": {"x_m": 0.02, "y_m": 0.01}}, {"weak_servo": {"servo_n_m_s_rad": 0.1}}]
+)
+def test_what_the_planar_plant_shows_for_the_most_part_is_simulated_there(
+    unchanged: ResidualProblem, effect: dict[str, dict[str, float]]
+) -> None:
+    problem, ((name, values),) = unchanged, effect.items()
+    model = problem.base.with_effect(name, **values)
+    planar = problem.surrogate_residual(model), problem.surrogate_residual(problem.base)
+    residual = problem.residual(model)
+    assert residual is not None
+    assert planar[0] is not None
+    assert planar[1] is not None
+    np.testing.assert_allclose(residual - problem.base_residual, planar[0] - planar[1], atol=1e-9)
+
+
 def test_a_ripple_that_the_logs_of_the_fit_show_is_not_looked_for(
     learned: Learned, robot_logs: MakeLogs
 ) -> None:

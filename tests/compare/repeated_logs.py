@@ -46,8 +46,12 @@ def logs(
     repeats: int = 2,
     late_s: float = 0.0,
     length_s: float = LENGTH_S,
+    jitter_s: float = 0.0,
 ) -> Dataset:
-    """Return noisy runs of a robot with a gain; its commands come `late_s` after the first row."""
+    """Return noisy runs of a robot with a gain; its commands come `late_s` after the first row.
+
+    What follows each command comes another time late, with the standard deviation `jitter_s`.
+    """
     rng, runs = np.random.default_rng(seed), []
     stamps = np.arange(0.0, length_s, 0.025)
     for sequence in sequences:
@@ -57,8 +61,10 @@ def logs(
         held = np.clip(np.searchsorted(commands.time_s, then + 1e-9, side="right") - 1, 0, None)
         rows = BodyCommand(commands.v_rpm[held], commands.theta_deg[held], commands.vc_rpm[held])
         for repeat in range(repeats):
+            late = jitter_s * rng.standard_normal(round(length_s / HOLD_S)) if jitter_s else np.zeros(99)
+            seen = then - late[np.minimum((np.maximum(then, 0.0) / HOLD_S).astype(int), late.size - 1)]
             channels = {
-                name: np.interp(then, fine, path[name]) + sigma * rng.standard_normal(stamps.size)
+                name: np.interp(seen, fine, path[name]) + sigma * rng.standard_normal(stamps.size)
                 for name, sigma in NOISE.items()
             }
             name = f"{sequence}_{repeat}.csv"

@@ -130,3 +130,14 @@ def test_a_piece_of_the_fit_counts_once_beside_new_runs_of_different_stamps() ->
     of_fit = found.whitener.observations.situations
     # Two runs were recorded for the fit.
     assert {len(situation.runs) for situation in of_fit} == {2}
+
+
+def test_commands_that_act_at_other_times_are_no_noise_of_held_ones() -> None:
+    late = logs(GAIN, (1, 2, 3, 4), seed=16, jitter_s=0.02)
+    found = compared(late, logs(GAIN, (1, 2, 3, 4), seed=17, jitter_s=0.02))
+    assert found is not None
+    channel = "speed_fl_rpm"
+    # With the margin of a robot, twice the variance.
+    assert 0.015 < found.noise.timing[channel].delay_s / np.sqrt(2.0) < 0.04
+    assert found.noise.settled(channel) < 0.5 * found.noise.sigma[channel]
+    assert ratio(found) < 1.5

@@ -72,3 +72,17 @@ def test_what_one_effect_explains_is_not_asked_of_another() -> None:
     columns[:, 1] = 0.9 * columns[:, 0] + 0.3 * columns[:, 1]
     scatter = rng.standard_normal(SEQUENCE.size) + 4.0 * columns[:, 0] * (-1.0) ** SEQUENCE
     assert run_to_run_columns(scatter[:, None], columns, SEQUENCE, range(SEQUENCES)).shape[1] == SEQUENCES
+
+
+def test_of_two_effects_that_are_both_beyond_doubt_the_larger_one_is_found_first() -> None:
+    rng = np.random.default_rng(5)
+    columns = effects(rng, 2)
+    # The first one has a part of the second, so that its probability is no number any more, either.
+    columns[:, 0] = 0.8 * columns[:, 1] + 0.6 * columns[:, 0]
+    size = 200.0 * rng.standard_normal(SEQUENCES)
+    scatter = rng.standard_normal(SEQUENCE.size) + columns[:, 1] * size[SEQUENCE]
+    found = run_to_run_columns(scatter[:, None], columns, SEQUENCE, range(SEQUENCES))
+    first = found[SEQUENCE == 0, 0]
+    true = columns[SEQUENCE == 0, 1]
+    assert abs(first @ true) > 0.99 * np.linalg.norm(first) * np.linalg.norm(true)
+    assert found.shape[1] == SEQUENCES

@@ -16,9 +16,10 @@ from sysid.compare.predicted import SimulationSettings
 from sysid.gap.search.beyond_fit import beyond_fit, largest_ratio
 from sysid.gap.search.chance import Floor, smallest_detectable
 from sysid.gap.search.decision import _inflation
-from sysid.gap.search.responses import responses
+from sysid.gap.search.responses import Library, responses
 from sysid.gap.search.scores import group_masks, rises
-from sysid.gap.search.sets import EMPTY
+from sysid.gap.search.sets import EMPTY, Search
+from sysid.gap.search.thresholds import EFFORT
 from sysid.logs import Dataset
 
 MakeLogs = Callable[..., Dataset]
@@ -97,6 +98,13 @@ def test_what_the_planar_plant_shows_for_the_most_part_is_simulated_there(
     assert planar[0] is not None
     assert planar[1] is not None
     np.testing.assert_allclose(residual - problem.base_residual, planar[0] - planar[1], atol=1e-9)
+
+
+def test_every_single_effect_is_fitted_whatever_its_screening_promises(unchanged: ResidualProblem) -> None:
+    library = responses(unchanged, ["speed_gain", "viscous_friction", "sensor_scale"])
+    search = Search(unchanged, Library(library), EFFORT["robot"])
+    search.grow(1)
+    assert {fitted.names[0] for fitted in search.of_size(1)} == {response.effect for response in library}
 
 
 def test_a_ripple_that_the_logs_of_the_fit_show_is_not_looked_for(

@@ -113,6 +113,11 @@ class ResidualProblem:
             self.unchanged = self.marginal(learned.of_unchanged(whitener))
         self._scatter: dict[Hashable, FloatArray] = {}
 
+    def luck(self, rng: np.random.Generator, draws: int) -> FloatArray:
+        """Return factors (draws,) on what chance gains where few runs tell the noise, drawn with `rng`."""
+        repeated = isinstance(self._learned, RepeatedCommands)
+        return self._learned.luck(rng, draws) if repeated else np.ones(draws)
+
     def moved(self, at: Model) -> ResidualProblem:
         """Return the problem with what was learned of the base model's error, where `at` moves the robot."""
         return ResidualProblem(self.base, self.whitener, self.settings, self.simulators, self._learned, at)

@@ -17,13 +17,13 @@ from mecanum_env.units import FloatArray
 
 
 def shared_part(draws: Sequence[FloatArray]) -> FloatArray:
-    """Return the mean (N,) of two or more draws (N,) of a change, shrunk as far as they do not agree.
+    """Return the mean (N,) of draws (N,) of a change, shrunk as far as they do not agree.
 
-    It is 0 where the draws have nothing in common.
+    It is 0 where the draws have nothing in common. A single draw is kept: nothing tells what chance does in it.
     """
     count, mean = len(draws), np.mean(draws, axis=0)
     square = float(mean @ mean)
-    if square == 0.0:
+    if count == 1 or square == 0.0:
         return np.asarray(mean)
     own = float(np.mean([draw @ draw for draw in draws])) / count
     shared = (square - own) * count / (count - 1)

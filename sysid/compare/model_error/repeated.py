@@ -27,6 +27,7 @@ from sysid.compare.measured import Observations, is_long, observe, pieces
 from sysid.compare.model_error.adopted import as_fitted
 from sysid.compare.model_error.beside import Beside, contrasts_of, residuals_of, scatters_of
 from sysid.compare.model_error.freedom import freedom_of_each
+from sysid.compare.model_error.late_changes import late_changes, settled_noise
 from sysid.compare.model_error.run_to_run import run_to_run_columns
 from sysid.compare.model_error.same_commands import same_commands
 from sysid.compare.model_error.whitening import Whitener
@@ -75,11 +76,29 @@ class RepeatedCommands:
     """Noise of these logs without calibration."""
     varying: FloatArray | None = None
     """Whitened columns (N, p) of what varies from run to run, if that was looked for."""
+    differences: float = math.inf
+    """Independent differences of repeats that tell what varies from run to run; endless on the bench, where a
+    run holds so many changes of command that they tell it."""
+    late: tuple[FloatArray, ...] = ()
+    """What the unknown delay of each change of a robot's command changes, (m, k) for each block; empty without
+    such delays."""
 
     @property
     def noise(self) -> Noise:
         """Noise of the logs of the fit, from repeats if there are any."""
         return self.whitener.noise
+
+    def luck(self, rng: np.random.Generator, draws: int) -> FloatArray:
+        """Return factors (draws,) on what chance gains, since the noise is known from few differences.
+
+        Along one effect the variance is that of the differences of so many runs, however many samples a run
+        has: with n of them it is too small by a chi-squared value over n. What the noise is larger by anyway
+        (`_MARGIN`) is taken off.
+        """
+        if not math.isfinite(self.differences):
+            return np.ones(draws)
+        count = max(1.0, self.differences)
+        return np.asarray(np.maximum(1.0, count / rng.chisquare(count, draws) / _MARGIN["robot"]))
 
     def expected_error(
         self, whitener: Whitener, _simulators: Simulators, _at: Model | None = None
@@ -88,8 +107,12 @@ class RepeatedCommands:
 
         Both are whitened. Nothing is simulated for it, and it does not matter where a model moves the robot.
         """
-        unknown = np.zeros((whitener.size, 0)) if self.varying is None else self.varying
+        late = self._late(whitener)
+        unknown = late if self.varying is None else np.concatenate([late, self.varying], axis=1)
         return whitener.whiten(self.error), unknown
+
+    def _late(self, whitener: Whitener) -> FloatArray:
+        return whitener.whiten(self.late) if self.late else np.zeros((whitener.size, 0))
 
     def of_unchanged(self, whitener: Whitener) -> FloatArray:
         """Return whitened residuals of logs in which nothing changed, one for each repeat: (N, repeats)."""
@@ -123,7 +146,8 @@ class RepeatedCommands:
         differences = self.contrasts if level == "bench" else self.scatters[:1]
         scatter = math.sqrt(_MARGIN[level]) * _whitened(whitener, differences)
         columns = np.stack(effects, axis=1)
-        return replace(self, varying=run_to_run_columns(scatter, columns, run, tuple(asked)))
+        known = self._late(whitener)
+        return replace(self, varying=run_to_run_columns(scatter, columns, run, tuple(asked), known))
 
 
 def _whitened(whitener: Whitener, logs: Sequence[Sequence[FloatArray]]) -> FloatArray:
@@ -180,10 +204,12 @@ def repeated_commands(
     noise, freedom = measure_noise(fitted_on, before), freedom_of_each(())
     measured = noise
     level = first[0].level
-    scatters = scatters_of(pairs)
+    scatters, late = scatters_of(pairs), ()
     if scatters:
         noise = noise_beside_model(noise, [pair.noted(observations) for pair in pairs])
         noise, freedom = _calibrated(noise, observations, scatters, level)
+        if level == "robot" and noise.timing:
+            late, noise = late_changes(observations, noise), settled_noise(noise)
     elif level == "bench":
         # Nothing else tells by how much two answers of a wheel to one command differ after its changes.
         return None
@@ -196,7 +222,18 @@ def repeated_commands(
         simulators,
         Whitener(before, noise, None),
         measured,
+        differences=math.inf if level == "bench" else _count(observations, pairs),
+        late=late,
     )
+
+
+def _count(observations: Observations, pairs: Sequence[Beside]) -> float:
+    """Return the number of independent differences of repeats in all command sequences together."""
+    most: dict[str, int] = {}
+    for pair in pairs:
+        group = observations.situations[pair.block.situation].group
+        most[group] = max(most.get(group, 0), len(pair.deviations) - 1)
+    return float(sum(most.values()))
 
 
 def _calibrated(

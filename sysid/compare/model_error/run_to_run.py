@@ -23,6 +23,7 @@ from scipy.optimize import minimize_scalar
 from scipy.stats import norm
 
 from mecanum_env.units import FloatArray
+from sysid.compare.model_error.late_changes import beside
 
 _BY_CHANCE: Final = 0.01
 """Probability with which chance alone makes an effect vary, all effects together. Assumed, as the one of a
@@ -34,7 +35,11 @@ _NEGLIGIBLE: Final = 0.3
 
 
 def run_to_run_columns(
-    scatter: FloatArray, columns: FloatArray, run: npt.NDArray[np.intp], asked: Collection[int]
+    scatter: FloatArray,
+    columns: FloatArray,
+    run: npt.NDArray[np.intp],
+    asked: Collection[int],
+    known: FloatArray | None = None,
 ) -> FloatArray:
     """Return what varies from run to run, one sigma of each: columns (N, p) of one run each.
 
@@ -44,8 +49,10 @@ def run_to_run_columns(
         columns: what effects change, whitened, (N, q).
         run: number of the run, or of the mean of repeats, of each value, (N,).
         asked: numbers of the runs whose scatter is looked at: one of each command sequence.
+        known: columns (N, k) of what is known to vary, one sigma of each; none by default.
     """
-    left, moved, found = np.array(scatter), np.array(columns), []
+    known = np.zeros((len(scatter), 0)) if known is None else known
+    left, moved, found = beside(known, np.array(scatter)), beside(known, np.array(columns)), []
     every = [np.flatnonzero(run == number) for number in np.unique(run)]
     rows = [np.flatnonzero(run == number) for number in asked]
     differences = np.array([np.count_nonzero(np.any(scatter[own] != 0.0, axis=0)) for own in rows])

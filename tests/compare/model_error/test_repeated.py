@@ -11,7 +11,7 @@ from sysid.compare.measured import observe, pieces
 from sysid.compare.model_error import RepeatedCommands, Whitener, repeated_commands
 from sysid.compare.model_error.repeated import _calibrated
 from sysid.logs import Dataset
-from tests.compare.repeated_logs import GAIN, MODEL, NOMINAL, PLANAR, logs
+from tests.compare.repeated_logs import GAIN, MODEL, NOISE, NOMINAL, PLANAR, logs
 
 
 def compared(fitted_on: Dataset, new: Dataset) -> RepeatedCommands | None:
@@ -136,8 +136,7 @@ def test_commands_that_act_at_other_times_are_no_noise_of_held_ones() -> None:
     late = logs(GAIN, (1, 2, 3, 4), seed=16, jitter_s=0.02)
     found = compared(late, logs(GAIN, (1, 2, 3, 4), seed=17, jitter_s=0.02))
     assert found is not None
-    channel = "speed_fl_rpm"
-    # With the margin of a robot, twice the variance.
-    assert 0.015 < found.noise.timing[channel].delay_s / np.sqrt(2.0) < 0.04
-    assert found.noise.settled(channel) < 0.5 * found.noise.sigma[channel]
+    # Twice the variance counts, as everywhere on a robot.
+    assert found.noise.sigma["speed_fl_rpm"] < 3.0 * NOISE["speed_fl_rpm"]
+    assert found.late[0].shape[1] > 4
     assert ratio(found) < 1.5

@@ -174,9 +174,9 @@ EFFECTS: Final = (
                 name,
                 "rpm/s",
                 math.inf,
-                (20.0, 3000.0),
+                (20.0, 12000.0),
                 _LIMIT,
-                scan=(50, 100, 200, 400, 800, 1600),
+                scan=(50, 100, 200, 400, 800, 1600, 3200, 6400),
                 follows_rise=False,
             )
             for name in ("v_rpm_s", "vc_rpm_s")

@@ -43,6 +43,13 @@ class Thresholds:
     crude_formula: float = 0.35
     """The same below which a set of fewer effects stays a candidate beside a larger one: it covers all of
     those drawn drives."""
+    robot_formula: float = 0.35
+    """`formula_error` on a robot beside the logs of its fit, whose model errs by more than that of a drive.
+    Calibrated on drawn robots that drive the commands of the fit again (seeds 64-134): of eleven clear single
+    effects that the logs show, the right set leaves at most this much more than another one of its size."""
+    crude_robot_formula: float = 0.6
+    """`crude_formula` on such a robot: of the same robots the right single effect leaves at most this much more
+    than a larger set."""
     adequate_residual: float = 0.5
     """Largest unexplained rms of an adequate single effect, relative to the rms that it explains; 1 / sqrt(k)
     of it for a set of k effects, which can adapt to more. Calibrated on drawn drives: with 0.2 two more of 15

@@ -108,20 +108,26 @@ def with_fewer(
     A second effect is often what the formula of the first one lacks. Sets of one size less count, by turns
     down to single effects, that leave at most the square of `crude_formula` of what the chosen set explains,
     unless the chosen set reaches the noise, which imperfect formulas do not, or there is only one formula for
-    what they have (`formula_error`). `judged` are all sets, and `inflation` is as in `tied`.
+    what they have (`formula_error`). Beside the logs of a robot's fit neither is an objection: what the noise
+    is, is known roughly, and the model lacks more than formulas. `judged` are all sets, and `inflation` is as
+    in `tied`.
     """
     if not as_good or len(as_good[0].names) == 1:
         return tuple(as_good)
     problem, chosen = search.problem, as_good[0]
     explained = search.base.cost - chosen.fitted.cost
+    share = THRESHOLDS.crude_robot_formula if problem.knows_all else THRESHOLDS.crude_formula
     found = list(as_good)
     for size in range(len(chosen.names) - 1, 0, -1):
         near = [
             one
             for one in judged
             if len(one.names) == size
-            and one.fitted.cost <= chosen.fitted.cost + THRESHOLDS.crude_formula**2 * explained
-            and formula_error(problem, floor, chosen.fitted, one.fitted) == THRESHOLDS.formula_error
+            and one.fitted.cost <= chosen.fitted.cost + share**2 * explained
+            and (
+                problem.knows_all
+                or formula_error(problem, floor, chosen.fitted, one.fitted) == THRESHOLDS.formula_error
+            )
             and not is_description(one)
             and not rises(problem, search.base, one.fitted)
             and not doubtful(problem, one.fitted, inflation)
@@ -170,6 +176,8 @@ def formula_error(
     own = [name for name in worse.names if name not in better.names] or worse.names
     if all(name in CATALOGUE and CATALOGUE[name].exact for name in own):
         return THRESHOLDS.exact_formula
+    if problem.knows_all:
+        return THRESHOLDS.robot_formula
     if not sharp:
         return THRESHOLDS.formula_error
     return THRESHOLDS.familiar_formula if floor.familiar else THRESHOLDS.exact_formula

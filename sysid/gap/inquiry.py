@@ -166,9 +166,7 @@ def start_search(
     elif data.repeated is not None:
         # Of a ripple, whose phase every run draws, nothing is left but the noise of repeats.
         steady = [
-            r.change
-            for r in found
-            if not CATALOGUE[r.effect].follows_angle and (r.linear or problem.bench)
+            r.change for r in found if not CATALOGUE[r.effect].follows_angle and (r.linear or problem.bench)
         ]
         repeated = data.repeated.with_varying(whitener, steady)
         problem = ResidualProblem(model, whitener, settings, problem.simulators, repeated)

@@ -39,7 +39,8 @@ def search(monkeypatch: pytest.MonkeyPatch) -> Any:
     monkeypatch.setattr(ties, "rises", lambda *_: False)
     monkeypatch.setattr(ties, "doubtful", lambda *_: ())
     monkeypatch.setattr(ties, "formula_error", lambda *_: THRESHOLDS.formula_error)
-    return SimpleNamespace(problem=None, base=SimpleNamespace(cost=BASE_COST))
+    problem = SimpleNamespace(knows_all=False)
+    return SimpleNamespace(problem=problem, base=SimpleNamespace(cost=BASE_COST))
 
 
 def test_an_effect_that_leaves_little_of_what_a_pair_explains_is_listed_behind_the_pair(search: Any) -> None:
@@ -47,6 +48,20 @@ def test_an_effect_that_leaves_little_of_what_a_pair_explains_is_listed_behind_t
     pair = a_set(100.0, *PAIR)
     near, far = a_set(99.0 + allowed, "backlash"), a_set(101.0 + allowed, "stiction")
     assert with_fewer(search, FLOOR, (pair,), (pair, near, far), 1.0) == (pair, near)
+
+
+def test_beside_the_logs_of_a_robots_fit_cruder_formulas_are_listed_whatever_they_are(search: Any) -> None:
+    search.problem.knows_all = True
+    allowed = THRESHOLDS.crude_robot_formula**2 * (BASE_COST - 100.0)
+    pair = a_set(100.0, *PAIR)
+    near, far = a_set(99.0 + allowed, "speed_gain"), a_set(101.0 + allowed, "stiction")
+    assert with_fewer(search, FLOOR, (pair,), (pair, near, far), 1.0) == (pair, near)
+
+
+def test_formulas_lack_more_beside_the_logs_of_a_robots_fit() -> None:
+    problem: Any = SimpleNamespace(size=100, knows_all=True)
+    more, less = (a_set(1e4, *names).fitted for names in (("backlash", "stiction"), ("backlash",)))
+    assert formula_error(problem, Floor(1e4, trusted=False), more, less) == THRESHOLDS.robot_formula
 
 
 @pytest.mark.parametrize(("cost", "taken"), [(105.0, "battery_sag"), (220.0, "battery_sag/voltage")])
@@ -76,7 +91,7 @@ def test_what_a_function_without_a_cause_does_better_widens_a_tie(
         )
         return ScoredSet(fitted, np.array([score]))
 
-    search.problem = SimpleNamespace(has_surrogate=False)
+    search.problem = SimpleNamespace(has_surrogate=False, knows_all=False)
     search.shared = lambda *_: SimpleNamespace(cost=200.0)
     sets = [one("stiction", 150.0, 6.0), one("backlash", 200.0, -6.0)]
     found = ties.tied(search, FLOOR, sets[0], sets, 1.0, lacking)
@@ -96,7 +111,7 @@ def test_only_formulas_of_which_there_are_several_excuse_what_a_set_leaves(
     better: tuple[str, ...], worse: tuple[str, ...], share: float
 ) -> None:
     """A factor or a delay has one formula: what it leaves is something else."""
-    problem: Any = SimpleNamespace(size=100)
+    problem: Any = SimpleNamespace(size=100, knows_all=False)
     more, less = (a_set(1e4, *names).fitted for names in (better, worse))
     assert formula_error(problem, Floor(1e4, trusted=False), more, less) == share
 
@@ -111,7 +126,7 @@ def test_a_set_with_a_parameter_more_is_a_candidate_where_that_parameter_pays(
         return ScoredSet(fitted, np.array([score]))
 
     base = SimpleNamespace(cost=BASE_COST)
-    problem = SimpleNamespace(has_surrogate=False, size=100)
+    problem = SimpleNamespace(has_surrogate=False, knows_all=False, size=100)
     search: Any = SimpleNamespace(base=base, shared=lambda *_: base, problem=problem)
     simple, curved = one("battery_sag", 100.0, 1), one("warm_up", score, 2)
     unknown = Floor(1e4, trusted=False)

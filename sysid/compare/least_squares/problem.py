@@ -115,8 +115,8 @@ class ResidualProblem:
 
     def luck(self, rng: np.random.Generator, draws: int) -> FloatArray:
         """Return factors (draws,) on what chance gains where few runs tell the noise, drawn with `rng`."""
-        repeated = isinstance(self._learned, RepeatedCommands)
-        return self._learned.luck(rng, draws) if repeated else np.ones(draws)
+        learned = self._learned
+        return learned.luck(rng, draws) if isinstance(learned, RepeatedCommands) else np.ones(draws)
 
     def moved(self, at: Model) -> ResidualProblem:
         """Return the problem with what was learned of the base model's error, where `at` moves the robot."""

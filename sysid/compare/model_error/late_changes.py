@@ -2,8 +2,8 @@
 
 Each channel alone tells how much of its noise is that (`sysid.compare.noise.timing`). Taken for noise of its
 own in each channel, the delay of one change would count once for each of them, and a common delay of a few
-milliseconds would pass for one that is seen seven times. So each change has one unknown delay, whose response is
-the slope of all channels until the next change.
+milliseconds would pass for one that is seen seven times. So each change has one unknown delay, whose response
+is the slope of all channels until the next change.
 """
 
 from __future__ import annotations
@@ -55,5 +55,3 @@ def beside(given: FloatArray, columns: FloatArray) -> FloatArray:
     directions, size, _ = np.linalg.svd(given, full_matrices=False)
     shrink = 1.0 / np.sqrt(1.0 + size**2) - 1.0
     return np.asarray(columns + directions @ (shrink[:, None] * (directions.T @ columns)))
-
-

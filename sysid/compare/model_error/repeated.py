@@ -7,9 +7,11 @@ the study compares two sets of logs, and the model only says what each effect wo
 repeats beside that of s repeats in the logs of the fit has the variance sigma^2 (1 / r + 1 / s).
 
 What differs from run to run is told by the repeats in the logs of the fit: one of them beside the mean of the
-others is what new logs of an unchanged robot look like (`scatters`). They calibrate the noise. Of a robot
-they show which effects every run has in another size (`sysid.compare.model_error.run_to_run`), on the bench
-how much of the noise is that changes of command act at other times (`sysid.compare.noise.timing`).
+others is what new logs of an unchanged robot look like (`scatters`). They calibrate the noise, and show how
+much of it is that changes of command act at other times (`sysid.compare.noise.timing`), of a robot in all
+channels alike (`sysid.compare.model_error.late_changes`). Of a robot they also show which effects every run
+has in another size (`sysid.compare.model_error.run_to_run`). Few runs tell that roughly, so that chance gains
+more now and then (`luck`).
 """
 
 from __future__ import annotations
@@ -80,8 +82,8 @@ class RepeatedCommands:
     """Independent differences of repeats that tell what varies from run to run; endless on the bench, where a
     run holds so many changes of command that they tell it."""
     late: tuple[FloatArray, ...] = ()
-    """What the unknown delay of each change of a robot's command changes, (m, k) for each block; empty without
-    such delays."""
+    """What the unknown delay of each change of a robot's command changes, (m, k) for each block; empty
+    without such delays."""
 
     @property
     def noise(self) -> Noise:
@@ -204,7 +206,8 @@ def repeated_commands(
     noise, freedom = measure_noise(fitted_on, before), freedom_of_each(())
     measured = noise
     level = first[0].level
-    scatters, late = scatters_of(pairs), ()
+    scatters = scatters_of(pairs)
+    late: tuple[FloatArray, ...] = ()
     if scatters:
         noise = noise_beside_model(noise, [pair.noted(observations) for pair in pairs])
         noise, freedom = _calibrated(noise, observations, scatters, level)

@@ -48,8 +48,8 @@ class Thresholds:
     Calibrated on drawn robots that drive the commands of the fit again (seeds 64-134): of eleven clear single
     effects that the logs show, the right set leaves at most this much more than another one of its size."""
     crude_robot_formula: float = 0.6
-    """`crude_formula` on such a robot: of the same robots the right single effect leaves at most this much more
-    than a larger set."""
+    """`crude_formula` on such a robot: of the same robots the right single effect leaves at most this much
+    more than a larger set."""
     adequate_residual: float = 0.5
     """Largest unexplained rms of an adequate single effect, relative to the rms that it explains; 1 / sqrt(k)
     of it for a set of k effects, which can adapt to more. Calibrated on drawn drives: with 0.2 two more of 15

@@ -164,7 +164,8 @@ def start_search(
     if data.learned is not None and problem.knows_all:
         library = beyond_fit(problem, data.learned, found)
     elif data.repeated is not None:
-        # Of a ripple, whose phase every run draws, nothing is left but the noise of repeats.
+        # Of a ripple, whose phase every run draws, nothing is left but the noise of repeats. A robot's limit
+        # or threshold is the same in each run: what it does at one size would hide whatever looks like it.
         steady = [
             r.change for r in found if not CATALOGUE[r.effect].follows_angle and (r.linear or problem.bench)
         ]

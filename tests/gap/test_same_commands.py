@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
+from mecanum_env.units import FloatArray
 from sysid.compare.least_squares import ResidualProblem
 from sysid.compare.measured import observe
-from sysid.compare.model_error import Whitener, repeated_commands
+from sysid.compare.model_error import RepeatedCommands, Whitener, repeated_commands
+from sysid.compare.predicted import SimulationSettings
+from sysid.gap.inquiry import start_search
 from sysid.gap.result import GapOptions, GapReport
 from sysid.gap.search.beyond_fit import ripples_beyond_fit
 from sysid.gap.search.responses import responses
+from sysid.gap.search.study_data import study_data
 from sysid.gap.workflow import analyse
 from sysid.logs import Dataset, Run
+from sysid.progress import silent
 from tests.compare.repeated_logs import GAIN, MODEL, NOMINAL, PLANAR, logs
 
 SEQUENCES = (1, 2, 3, 4)
@@ -67,3 +74,18 @@ def test_a_ripple_by_which_repeats_differ_is_not_looked_for() -> None:
     new = rippled(logs(GAIN, SEQUENCES, seed=23), seed=1)
     assert "encoder_eccentricity" in looked_for(NOMINAL, new)
     assert "encoder_eccentricity" not in looked_for(rippled(NOMINAL, seed=2), new)
+
+
+def test_a_threshold_of_a_robot_does_not_vary_from_run_to_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+
+    def seen(self: RepeatedCommands, _: Whitener, effects: Sequence[FloatArray]) -> RepeatedCommands:
+        asked.append(len(effects))
+        return self
+
+    monkeypatch.setattr(RepeatedCommands, "with_varying", seen)
+    new, settings = logs(GAIN, SEQUENCES, seed=24), SimulationSettings(plant="planar", jobs=1)
+    data = study_data(new, MODEL, GapOptions(fitted_on=NOMINAL, plant="planar"))
+    search = start_search(data, MODEL, settings, ("speed_gain", "command_deadband"), silent)
+    assert {response.effect for response in search.library} == {"speed_gain", "command_deadband"}
+    assert asked == [1]

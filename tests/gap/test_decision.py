@@ -99,6 +99,18 @@ def test_of_sets_that_do_as_well_one_about_whose_size_the_runs_agree_comes_first
     assert first in report.candidates[1:]
 
 
+def test_a_set_stays_where_none_of_those_in_its_place_is_needed(
+    bench_logs: MakeLogs, base: Model, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A curve that stands for whatever has no name gives way to causes, if these are needed."""
+    dataset = bench_logs(base.with_effect("speed_gain", gain=0.94))
+    first, *others = analyse(dataset, base, QUIET).candidates
+    assert others
+    monkeypatch.setattr(decision, "with_causes", lambda _search, _floor, as_good, *_: as_good[1:])
+    monkeypatch.setattr(decision, "needed", lambda *_: False)
+    assert analyse(dataset, base, QUIET).candidates == (first,)
+
+
 def test_a_swing_that_no_effect_makes_is_unexplained(bench_logs: MakeLogs, base: Model) -> None:
     dataset = bench_logs(base)
     for run in dataset.runs:

@@ -111,10 +111,10 @@ def collect(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
     lacking = 0.0 if rival is None else max(0.0, chosen.score - rival.score)
     as_good = tied(search, floor, chosen, harmless, inflation, lacking)
     as_good = friction_first(with_causes(search, floor, as_good, judged, inflation, lacking) or as_good)
-    # The chosen one was found to be needed before (`_holds`).
+    # The chosen one was found to be needed before (`_holds`); it stays if the causes beside it are not.
     as_good = tuple(
         one for one in as_good if one is chosen or needed(search, floor, one.fitted, inflation, rng)
-    )
+    ) or (chosen,)
     # The runs may disagree about the size of the best one, and agree about that of another one as good.
     sure = next((one for one in as_good if not doubtful(problem, one.fitted, inflation)), None)
     if sure is not None:

@@ -48,10 +48,10 @@ def settled_noise(noise: Noise) -> Noise:
     return replace(noise, sigma=sigma, timing={})
 
 
-def beside(given: FloatArray, columns: FloatArray) -> FloatArray:
-    """Return columns (N, p), whitened by the covariance with those `given`, one sigma of each, (N, k)."""
-    if not given.size:
+def marginalised(columns: FloatArray, varying: FloatArray) -> FloatArray:
+    """Return white columns (N, p), whitened beside others that vary, one sigma of each, (N, k)."""
+    if not varying.size:
         return columns
-    directions, size, _ = np.linalg.svd(given, full_matrices=False)
+    directions, size, _ = np.linalg.svd(varying, full_matrices=False)
     shrink = 1.0 / np.sqrt(1.0 + size**2) - 1.0
     return np.asarray(columns + directions @ (shrink[:, None] * (directions.T @ columns)))

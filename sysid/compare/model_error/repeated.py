@@ -79,8 +79,8 @@ class RepeatedCommands:
     varying: FloatArray | None = None
     """Whitened columns (N, p) of what varies from run to run, if that was looked for."""
     differences: float = math.inf
-    """Independent differences of repeats that tell what varies from run to run; endless on the bench, where a
-    run holds so many changes of command that they tell it."""
+    """Independent differences of repeats that tell what varies from run to run; endless without repeats,
+    which tell nothing, and on the bench, where a run holds so many changes of command that they tell it."""
     late: tuple[FloatArray, ...] = ()
     """What the unknown delay of each change of a robot's command changes, (m, k) for each block; empty
     without such delays."""
@@ -99,8 +99,8 @@ class RepeatedCommands:
         """
         if not math.isfinite(self.differences):
             return np.ones(draws)
-        count = max(1.0, self.differences)
-        return np.asarray(np.maximum(1.0, count / rng.chisquare(count, draws) / _MARGIN["robot"]))
+        known = self.differences / rng.chisquare(self.differences, draws)
+        return np.asarray(np.maximum(1.0, known / _MARGIN["robot"]))
 
     def expected_error(
         self, whitener: Whitener, _simulators: Simulators, _at: Model | None = None
@@ -225,7 +225,7 @@ def repeated_commands(
         simulators,
         Whitener(before, noise, None),
         measured,
-        differences=math.inf if level == "bench" else _count(observations, pairs),
+        differences=_count(observations, pairs) if scatters and level == "robot" else math.inf,
         late=late,
     )
 

@@ -23,7 +23,7 @@ from scipy.optimize import minimize_scalar
 from scipy.stats import norm
 
 from mecanum_env.units import FloatArray
-from sysid.compare.model_error.late_changes import beside
+from sysid.compare.model_error.late_changes import marginalised
 
 _BY_CHANCE: Final = 0.01
 """Probability with which chance alone makes an effect vary, all effects together. Assumed, as the one of a
@@ -52,7 +52,8 @@ def run_to_run_columns(
         known: columns (N, k) of what is known to vary, one sigma of each; none by default.
     """
     known = np.zeros((len(scatter), 0)) if known is None else known
-    left, moved, found = beside(known, np.array(scatter)), beside(known, np.array(columns)), []
+    left, moved = (marginalised(np.array(values), known) for values in (scatter, columns))
+    found: list[FloatArray] = []
     every = [np.flatnonzero(run == number) for number in np.unique(run)]
     rows = [np.flatnonzero(run == number) for number in asked]
     differences = np.array([np.count_nonzero(np.any(scatter[own] != 0.0, axis=0)) for own in rows])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -74,6 +75,19 @@ def test_a_mean_of_more_repeats_is_known_better() -> None:
     # Without repeats nothing tells what differs from run to run.
     assert not once.scatters
     assert len(thrice.scatters) == 3
+    # Three sequences with two independent differences each.
+    assert (once.differences, thrice.differences) == (math.inf, 6.0)
+
+
+def test_chance_gains_more_where_fewer_runs_tell_the_noise() -> None:
+    found = compared(logs(GAIN, (1, 2, 3), seed=14), logs(GAIN, (1, 2, 3), seed=15))
+    assert found is not None
+    few, many, endless = (
+        np.quantile(replace(found, differences=n).luck(np.random.default_rng(0), 4000), 0.99)
+        for n in (3.0, 12.0, math.inf)
+    )
+    # Chi-squared values of 3 and 12 degrees of freedom are below 0.115 and 3.57 once in a hundred times.
+    np.testing.assert_allclose([few, many, endless], [3.0 / 0.115 / 2.0, 12.0 / 3.57 / 2.0, 1.0], rtol=0.1)
 
 
 def test_new_samples_count_no_more_than_those_of_the_logs_that_give_the_noise() -> None:

@@ -20,7 +20,7 @@ from sysid.compare.noise import Noise, holds_of, slope_of
 def late_changes(observations: Observations, noise: Noise) -> tuple[FloatArray, ...]:
     """Return what the unknown delay of each change changes, one sigma of each, (m, k) for each block.
 
-    There are k changes in all runs together; `noise` says by how much they are late.
+    There are k changes in all runs of the `observations` together; `noise` says by how much they are late.
     """
     holds = [holds_of(observations, block) for block in observations.blocks]
     every = {
@@ -49,7 +49,7 @@ def settled_noise(noise: Noise) -> Noise:
 
 
 def marginalised(columns: FloatArray, varying: FloatArray) -> FloatArray:
-    """Return white columns (N, p), whitened beside others that vary, one sigma of each, (N, k)."""
+    """Return white `columns` (N, p), whitened again beside what is `varying`, one sigma of each, (N, k)."""
     if not varying.size:
         return columns
     directions, size, _ = np.linalg.svd(varying, full_matrices=False)

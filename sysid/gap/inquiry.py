@@ -31,7 +31,7 @@ from sysid.gap.search.responses import Library, responses
 from sysid.gap.search.sets import Search
 from sysid.gap.search.since import Completion, completed, since_of
 from sysid.gap.search.study_data import StudyData, study_data
-from sysid.gap.search.thresholds import EFFORT
+from sysid.gap.search.thresholds import BESIDE_FIT_OF_ROBOT, EFFORT
 from sysid.logs import Dataset
 from sysid.logs.runs import UNITS
 from sysid.progress import Progress, within
@@ -173,7 +173,7 @@ def start_search(
         problem = ResidualProblem(model, whitener, settings, problem.simulators, repeated)
         found = [replace(r, change=problem.marginal(r.change)) for r in found]
         library = ripples_beyond_fit(problem, repeated, found)
-    return Search(problem, library, EFFORT[level])
+    return Search(problem, library, BESIDE_FIT_OF_ROBOT if problem.knows_all else EFFORT[level])
 
 
 def _error_of_best_fit(data: StudyData, search: Search, max_effects: int) -> ModelError:

@@ -19,6 +19,7 @@ from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import Model
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 from sysid.compare.measured import Block
+from sysid.compare.model_error import Marginal
 
 PHASE: Final = "phase_deg"
 _PHASES_DEG: Final = (0.0, 120.0, 240.0)
@@ -130,11 +131,9 @@ def _over_one_phase(mean: FloatArray, waves: FloatArray, _repeats: int) -> tuple
 
 def _over_mean_phases(mean: FloatArray, waves: FloatArray, repeats: int) -> tuple[FloatArray, float]:
     """Return the residual (n,) whitened by normal phases, and minus twice its log likelihood."""
-    columns = waves * math.sqrt(_VARIANCE / repeats)
-    directions, sizes, _ = np.linalg.svd(columns, full_matrices=False)
-    spread = np.sqrt(1.0 + sizes**2)
-    own = mean + directions @ ((1.0 / spread - 1.0) * (directions.T @ mean))
-    return own, float(own @ own) + 2.0 * float(np.sum(np.log(spread)))
+    marginal = Marginal(waves * math.sqrt(_VARIANCE / repeats))
+    own = marginal.of(mean)
+    return own, float(own @ own) + 2.0 * float(np.sum(np.log(marginal.spread)))
 
 
 def likely_frequencies(

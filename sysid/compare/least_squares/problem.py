@@ -1,7 +1,7 @@
 """The residual of any model on the runs of a study, whitened and marginalised over the model's own error.
 
 The whitened residual r (N,) of the right model is normal with covariance I + X X', X the columns of
-`sysid.compare.model_error.nuisance`. With X = U S V', W = I - U (1 - 1 / sqrt(1 + S^2)) U' whitens it: |W
+`sysid.compare.model_error.nuisance`. It is whitened again by W of `sysid.compare.model_error.marginal`: |W
 r|^2 is the sum of squares that remains after the model's own error has explained what it can.
 """
 
@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Final
 
 import numpy as np
@@ -24,7 +24,14 @@ from sysid.compare.least_squares.gauss_newton import Mask
 from sysid.compare.least_squares.phases import with_unknown_phases
 from sysid.compare.least_squares.ripple import WheelAngleRipple
 from sysid.compare.least_squares.shared_part import shared_part
-from sysid.compare.model_error import Learned, RepeatedCommands, Whitener, plausible_models, shape_columns
+from sysid.compare.model_error import (
+    Learned,
+    Marginal,
+    RepeatedCommands,
+    Whitener,
+    plausible_models,
+    shape_columns,
+)
 from sysid.compare.predicted import (
     START_PRICE,
     Averaged,
@@ -104,8 +111,7 @@ class ResidualProblem:
         if learned is None:
             self.nuisance = self._nuisance()
         """X, shape (N, q)."""
-        directions, size, _ = np.linalg.svd(self.nuisance, full_matrices=False)
-        self._directions, self._spread = directions, np.sqrt(1.0 + size**2)
+        self._marginal = Marginal(self.nuisance)
         self.unchanged = np.zeros((self.size, 0))
         """Marginal residuals of bench logs in which nothing changed: what each repeat in the logs of the fit
         shows beside the others, where the same commands are driven again, (N, repeats)."""
@@ -158,13 +164,20 @@ class ResidualProblem:
         """Return the whitened residual (N,) of a model that differs from the base model on rollers alone."""
         if model_key(model) == model_key(self.base):
             return self.base_residual
-        draws = self.simulators.averaged.simulators
-        here = [self._beside(one.predictions, self.base) for one in draws]
-        there = [self._beside(one.predictions, model) for one in draws]
-        pairs = [(a, b) for a, b in zip(here, there, strict=True) if a is not None and b is not None]
-        if len(pairs) < len(draws):
+        here, there = self._drawn_base, self._drawn(model)
+        if here is None or there is None:
             return None
-        return self.base_residual + shared_part([b - a for a, b in pairs])
+        return self.base_residual + shared_part([b - a for a, b in zip(here, there, strict=True)])
+
+    @cached_property
+    def _drawn_base(self) -> list[FloatArray] | None:
+        return self._drawn(self.base)
+
+    def _drawn(self, model: Model) -> list[FloatArray] | None:
+        """Return the whitened residual (N,) in each draw of the rollers' angles; None if one is missing."""
+        found = [self._beside(one.predictions, model) for one in self.simulators.averaged.simulators]
+        known = [residual for residual in found if residual is not None]
+        return known if len(known) == len(found) else None
 
     def _only_on_rollers(self, model: Model) -> Model:
         """Return the base model with those effects of a model that the surrogate does not show."""
@@ -260,16 +273,11 @@ class ResidualProblem:
 
     def marginal(self, residual: FloatArray) -> FloatArray:
         """Return W times a residual (N,) or columns (N, p)."""
-        return self._scaled(residual, 1.0 / self._spread - 1.0)
+        return self._marginal.of(residual)
 
     def marginal_inverse(self, residual: FloatArray) -> FloatArray:
         """Return W^-1 times a residual (N,) or columns (N, p)."""
-        return self._scaled(residual, self._spread - 1.0)
-
-    def _scaled(self, residual: FloatArray, factors: FloatArray) -> FloatArray:
-        along = self._directions.T @ residual
-        scaled = factors * along if residual.ndim == 1 else factors[:, None] * along
-        return np.asarray(residual + self._directions @ scaled)
+        return self._marginal.inverse(residual)
 
     def roller_scatter(self, model: Model) -> FloatArray:
         """Return what the rollers' contacts change at random in the marginal residual: columns (N, k).

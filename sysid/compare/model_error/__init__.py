@@ -3,6 +3,7 @@
 from sysid.compare.model_error.adopted import as_fitted, covariance_of, with_adopted
 from sysid.compare.model_error.known_error import without_known_error
 from sysid.compare.model_error.learned import Learned, learn
+from sysid.compare.model_error.marginal import Marginal
 from sysid.compare.model_error.nuisance import plausible_models, shape_columns
 from sysid.compare.model_error.own_error import block_residuals, with_own_error
 from sysid.compare.model_error.repeated import RepeatedCommands, repeated_commands
@@ -12,6 +13,7 @@ from sysid.compare.model_error.whitening import Whitener
 
 __all__ = [
     "Learned",
+    "Marginal",
     "ModelError",
     "RepeatedCommands",
     "ShapeBasis",

@@ -46,12 +46,3 @@ def settled_noise(noise: Noise) -> Noise:
     """Return the noise without the delays of changes, which `late_changes` describes."""
     sigma = {name: noise.settled(name) if name in noise.timing else s for name, s in noise.sigma.items()}
     return replace(noise, sigma=sigma, timing={})
-
-
-def marginalised(columns: FloatArray, varying: FloatArray) -> FloatArray:
-    """Return white `columns` (N, p), whitened again beside what is `varying`, one sigma of each, (N, k)."""
-    if not varying.size:
-        return columns
-    directions, size, _ = np.linalg.svd(varying, full_matrices=False)
-    shrink = 1.0 / np.sqrt(1.0 + size**2) - 1.0
-    return np.asarray(columns + directions @ (shrink[:, None] * (directions.T @ columns)))

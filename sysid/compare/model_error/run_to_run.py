@@ -20,10 +20,11 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize_scalar
-from scipy.stats import norm
+from scipy.special import gammaln
+from scipy.stats import chi2
 
 from mecanum_env.units import FloatArray
-from sysid.compare.model_error.late_changes import marginalised
+from sysid.compare.model_error.marginal import Marginal
 
 _BY_CHANCE: Final = 0.01
 """Probability with which chance alone makes an effect vary, all effects together. Assumed, as the one of a
@@ -51,8 +52,8 @@ def run_to_run_columns(
         asked: numbers of the runs whose scatter is looked at: one of each command sequence.
         known: columns (N, k) of what is known to vary, one sigma of each; none by default.
     """
-    known = np.zeros((len(scatter), 0)) if known is None else known
-    left, moved = (marginalised(np.array(values), known) for values in (scatter, columns))
+    marginal = Marginal(np.zeros((len(scatter), 0)) if known is None else known)
+    left, moved = marginal.of(scatter), marginal.of(columns)
     found: list[FloatArray] = []
     every = [np.flatnonzero(run == number) for number in np.unique(run)]
     rows = [np.flatnonzero(run == number) for number in asked]
@@ -88,11 +89,14 @@ def run_to_run_columns(
 def _log_chance(square: FloatArray, freedom: FloatArray) -> FloatArray:
     """Return the logarithm of the probability that chi-squared values are at least a `square`.
 
-    It is that of the normal approximation of Wilson and Hilferty (PNAS 17:684, 1931), which tells apart what
-    is so unlikely that the probability itself is no number any more.
+    Where the probability is too small for a number, it is the first term of its expansion for large squares,
+    so that of two effects beyond doubt the less likely one still counts as such.
     """
-    spread = 2.0 / (9.0 * freedom)
-    return np.asarray(norm.logsf(((square / freedom) ** (1.0 / 3.0) - 1.0 + spread) / np.sqrt(spread)))
+    with np.errstate(divide="ignore"):
+        exact = chi2.logsf(square, freedom)
+    half, shape = 0.5 * np.maximum(square, 1e-300), 0.5 * freedom
+    beyond = (shape - 1.0) * np.log(half) - half - gammaln(shape)
+    return np.asarray(np.where(np.isfinite(exact), exact, beyond))
 
 
 def _sigma(squares: FloatArray, lengths: FloatArray, differences: npt.NDArray[np.intp]) -> float:

@@ -131,7 +131,7 @@ def separation(
     z = []
     for i, j in permutations(range(len(candidates)), 2):
         square = trial.squared_distance(predictions[i] - predictions[j], hidden[i], hidden[j])
-        tolerance = THRESHOLDS.tie_sigmas**2 + THRESHOLDS.formula_error**2 * explained[i]
+        tolerance = THRESHOLDS.tie_sigmas**2 + trial.conditions.formula_error**2 * explained[i]
         needed = tolerance + candidates[i].score - candidates[j].score
         z.append(max(_LEAST_Z, (square - needed) / (2.0 * math.sqrt(max(square, 1e-9)))))
     return np.array(z)

@@ -201,6 +201,7 @@ def conditions_of(problem: ResidualProblem, logs: Sequence[Run], inflation: floa
         limits=limits_of(problem.base, logs),
         inflation=inflation,
         settings=problem.settings,
+        formula_error=THRESHOLDS.formula(beside_fit_of_robot=problem.knows_all),
     )
 
 

@@ -29,6 +29,7 @@ from sysid.compare.noise import Noise
 from sysid.compare.predicted import SimulationSettings, motion_of, readings
 from sysid.gap.design.limits import Limits
 from sysid.gap.design.sequences import FIELD_M, changed, library
+from sysid.gap.search.thresholds import THRESHOLDS
 from sysid.logs import BenchCommand, BodyCommand, Command, Dataset, Run, WheelCommand
 from sysid.logs.runs import Level
 
@@ -68,6 +69,8 @@ class ExperimentConditions:
     """Plant, time step, seed and jobs of the simulations, and the scale of the catalogue's bounds."""
     inflation: float = 1.0
     """Factor on all variances: residual variance of the best fit relative to the expected one."""
+    formula_error: float = THRESHOLDS.formula_error
+    """Relative error (rms) that the formula of an effect may have."""
 
     @property
     def level(self) -> Level:

@@ -233,7 +233,7 @@ class Search:
         best = fitted[0].cost
         rest = self.shared(names, fitted[0].names)
         inflation, gain = max(1.0, best / self.problem.size), max(0.0, rest.cost - best)
-        share = THRESHOLDS.robot_formula if self.problem.knows_all else THRESHOLDS.formula_error
+        share = THRESHOLDS.formula(beside_fit_of_robot=self.problem.knows_all)
         tie = THRESHOLDS.tie_sigmas**2 * inflation + share**2 * gain
         return best + _SLACK * tie + float(np.sum(roller_scatter(self.problem, self.base) ** 2))
 

@@ -124,6 +124,13 @@ class Thresholds:
     """The same ratio from which repeats are no repeats, and no effect of the commands can be all of the
     difference. Assumed."""
 
+    def formula(self, *, beside_fit_of_robot: bool) -> float:
+        """Return the relative error (rms) that the formula of an effect may have.
+
+        `beside_fit_of_robot`: in a study of a robot beside the logs of its fit.
+        """
+        return self.robot_formula if beside_fit_of_robot else self.formula_error
+
 
 THRESHOLDS: Final = Thresholds()
 
@@ -149,5 +156,7 @@ class SearchEffort:
 
 EFFORT: Final[Mapping[Level, SearchEffort]] = {
     "bench": SearchEffort(40, 16, 8, 20, 5, 240.0),
-    "robot": SearchEffort(40, 16, 8, 20, 5, 60.0),
+    "robot": SearchEffort(8, 8, 4, 4, 3, 60.0),
 }
+BESIDE_FIT_OF_ROBOT: Final = SearchEffort(40, 16, 8, 20, 5, 60.0)
+"""The effort for a robot beside the logs of its fit: there the planar plant does nearly all of the work."""

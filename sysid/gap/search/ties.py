@@ -176,10 +176,8 @@ def formula_error(
     own = [name for name in worse.names if name not in better.names] or worse.names
     if all(name in CATALOGUE and CATALOGUE[name].exact for name in own):
         return THRESHOLDS.exact_formula
-    if problem.knows_all:
-        return THRESHOLDS.robot_formula
-    if not sharp:
-        return THRESHOLDS.formula_error
+    if problem.knows_all or not sharp:
+        return THRESHOLDS.formula(beside_fit_of_robot=problem.knows_all)
     return THRESHOLDS.familiar_formula if floor.familiar else THRESHOLDS.exact_formula
 
 

@@ -1,8 +1,10 @@
 """Which effects every run has in another size, from the scatter of repeats."""
 
 import numpy as np
+import pytest
+from scipy.stats import chi2
 
-from sysid.compare.model_error.run_to_run import run_to_run_columns
+from sysid.compare.model_error.run_to_run import _log_chance, run_to_run_columns
 
 SEQUENCES, VALUES = 6, 200
 SEQUENCE = np.repeat(np.arange(SEQUENCES), VALUES)
@@ -86,3 +88,27 @@ def test_of_two_effects_that_are_both_beyond_doubt_the_larger_one_is_found_first
     true = columns[SEQUENCE == 0, 1]
     assert abs(first @ true) > 0.99 * np.linalg.norm(first) * np.linalg.norm(true)
     assert found.shape[1] == SEQUENCES
+
+
+@pytest.mark.parametrize("freedom", [1.0, 3.0, 12.0])
+def test_chances_are_those_of_chi_squared_and_go_on_where_these_are_no_numbers(freedom: float) -> None:
+    squares = np.array([0.0, 1.0, 50.0, 1300.0, 1600.0, 1e5])
+    found = _log_chance(squares, np.full(squares.size, freedom))
+    np.testing.assert_allclose(found[:4], np.log(chi2.sf(squares[:4], freedom)))
+    assert np.all(np.isfinite(found))
+    assert np.all(np.diff(found) < 0.0)
+    # Beyond all numbers its slope is that of exp(-x / 2) and a little less.
+    assert (found[5] - found[4]) / (squares[5] - squares[4]) == pytest.approx(-0.5, rel=1e-3)
+
+
+def test_what_is_known_to_vary_is_not_found_again() -> None:
+    rng = np.random.default_rng(6)
+    columns = effects(rng)
+    size = 5.0 * rng.standard_normal(SEQUENCES)
+    scatter = rng.standard_normal(SEQUENCE.size) + columns[:, 2] * size[SEQUENCE]
+    known = np.zeros((SEQUENCE.size, SEQUENCES))
+    for number in range(SEQUENCES):
+        known[number == SEQUENCE, number] = 5.0 * columns[number == SEQUENCE, 2]
+    asked = range(SEQUENCES)
+    assert run_to_run_columns(scatter[:, None], columns, SEQUENCE, asked).shape[1] == SEQUENCES
+    assert run_to_run_columns(scatter[:, None], columns, SEQUENCE, asked, known).shape[1] == 0

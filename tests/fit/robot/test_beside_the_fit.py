@@ -19,7 +19,7 @@ from sysid.gap.search.decision import _inflation
 from sysid.gap.search.responses import Library, responses
 from sysid.gap.search.scores import group_masks, rises
 from sysid.gap.search.sets import EMPTY, Search
-from sysid.gap.search.thresholds import EFFORT
+from sysid.gap.search.thresholds import BESIDE_FIT_OF_ROBOT
 from sysid.logs import Dataset
 
 MakeLogs = Callable[..., Dataset]
@@ -102,7 +102,7 @@ def test_what_the_planar_plant_shows_for_the_most_part_is_simulated_there(
 
 def test_every_single_effect_is_fitted_whatever_its_screening_promises(unchanged: ResidualProblem) -> None:
     library = responses(unchanged, ["speed_gain", "viscous_friction", "sensor_scale"])
-    search = Search(unchanged, Library(library), EFFORT["robot"])
+    search = Search(unchanged, Library(library), BESIDE_FIT_OF_ROBOT)
     search.grow(1)
     assert {fitted.names[0] for fitted in search.of_size(1)} == {response.effect for response in library}
 

@@ -225,6 +225,7 @@ def _merged(found: _Found, options: GapOptions, report: GapReport, rest: GapRepo
         effects=(effect, *(one for one in rest.effects if one.cause != cause)),
         candidates=tuple(dict.fromkeys((cause, *(c for c in names if c != cause)) for names in sets)),
         gap=_whole(report.gap, rest.gap),
+        gap_beside_fit=_whole_beside(report.gap_beside_fit, rest.gap_beside_fit),
         channels={key: _whole(one, rest.channels[key]) for key, one in report.channels.items()},
         where=_places(report, rest),
         evidence=report.evidence,
@@ -269,6 +270,10 @@ def _note(fault: LinkFault) -> str:
 
 def _whole(before: Difference, after: Difference) -> Difference:
     return replace(before, after=after.after)
+
+
+def _whole_beside(before: Difference | None, after: Difference | None) -> Difference | None:
+    return None if before is None or after is None else _whole(before, after)
 
 
 def _places(report: GapReport, rest: GapReport) -> tuple[Region, ...]:

@@ -296,6 +296,9 @@ class GapReport:
     """Probability of a false alarm that this study spent, after what earlier ones of these logs left."""
     studies: tuple[Spent, ...] = ()
     """All studies of these logs that are known, this one included."""
+    gap_beside_fit: Difference | None = None
+    """The gap on the same runs without what the model errs by in the logs of its fit; None without these, or
+    if they hold other commands."""
 
     @property
     def new_effects(self) -> tuple[FoundEffect, ...]:

@@ -18,6 +18,7 @@ from sysid.gap.design.next_experiment import design_next_experiment
 from sysid.gap.inquiry import Inquiry, inquire
 from sysid.gap.link_faults import as_given, with_link_fault
 from sysid.gap.only_in_test import only_in_test
+from sysid.gap.report.beside_fit import gap_beside_fit
 from sysid.gap.report.held_out import (
     Channels,
     compare,
@@ -127,6 +128,9 @@ def _report(
     after = before if improved is model else predicted(improved, runs, problem.settings)
     comparison = compare(split, runs, before, after)
     gap, channels = differences(dataset, comparison)
+    beside = None
+    if options.fitted_on is not None:
+        beside = gap_beside_fit(dataset, options.fitted_on, model, comparison, runs, problem.settings)
     detectable, unseen, asked = _what_is_open(dataset, options, found, considered, improved)
     unanswered = () if asked.experiment or not asked.why else (asked.why,)
     hidden = only_in_test(dataset, model, options.fitted_on) if decision.verdict == "no_gap" else ""
@@ -166,6 +170,7 @@ def _report(
         held_out=split,
         unseen=split == "test" and len(runs) < len(dataset.runs),
         trusted=found.data.floor.trusted,
+        gap_beside_fit=beside,
     )
 
 

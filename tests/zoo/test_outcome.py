@@ -86,6 +86,9 @@ def test_closure_counts_from_the_noise(outcome):
     assert outcome("a", "a", before=6.0, after=1.2, floor=1.0).closure == pytest.approx(0.96)
     assert math.isnan(outcome("a", "no_gap", before=0.9, after=0.9, floor=1.0).closure)
     assert math.isnan(outcome("a", "a", before=6.0, after=1.2).closure)
+    beside = outcome("a", "a", before=6.0, after=5.8, floor=1.0, beside_fit=(3.0, 1.5, 1.0))
+    assert beside.closure_beside_fit == pytest.approx(0.75)
+    assert math.isnan(outcome("a", "a", before=6.0, after=1.2, floor=1.0).closure_beside_fit)
 
 
 def test_an_outcome_survives_its_file(outcome):
@@ -96,6 +99,7 @@ def test_an_outcome_survives_its_file(outcome):
         notes=("one",),
         twins=("d",),
         message="m",
+        beside_fit=(3.0, 1.5, 1.0),
     )
     again = from_json(json.loads(json.dumps(to_json(made), allow_nan=False)))
     assert math.isnan(again.before)
@@ -110,6 +114,7 @@ def report(**given: Any) -> Any:
         "effects": (),
         "candidates": (),
         "gap": SimpleNamespace(before=3.0, after=1.5, noise_floor=1.0),
+        "gap_beside_fit": None,
         "untestable": (),
         "smallest_detectable": {},
         "evidence": (),

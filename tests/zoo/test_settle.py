@@ -46,6 +46,7 @@ def report(verdict, names=(), candidates=(), asked=None):
         next_experiment=asked,
         notes=("no command tells them apart",),
         gap=SimpleNamespace(before=2.0, after=1.0, noise_floor=1.0),
+        gap_beside_fit=None,
         p_value=0.0,
         evidence=(),
         trusted=True,

@@ -57,6 +57,7 @@ class Bench:
             new_effects=(),
             candidates=(),
             gap=SimpleNamespace(before=2.0, after=2.0, noise_floor=1.0),
+            gap_beside_fit=None,
             untestable=(),
             smallest_detectable={},
             evidence=(

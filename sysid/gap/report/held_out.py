@@ -78,18 +78,20 @@ def compare(
     return Comparison(split, tuple(samples))
 
 
-def differences(dataset: Dataset, comparison: Comparison) -> tuple[Difference, dict[str, Difference]]:
+def differences(
+    dataset: Dataset, comparison: Comparison, noise_factor: float = 1.0
+) -> tuple[Difference, dict[str, Difference]]:
     """Return the gap over all channels, and that of each channel that has samples.
 
     With several channels the gap is in standard deviations of their noise; a channel without repeats is
     scaled by its error after instead. The noise floor is from repeats of all runs of the dataset, test runs
-    included; no decision uses it.
+    included; no decision uses it. The noise in the comparison may be larger than theirs by a factor.
     """
     repeats = noise_from_repeats(dataset.runs) or {}
     channels = {}
     for name, parts in comparison.by_channel().items():
         before, after = (np.concatenate(errors) for errors in zip(*(p.errors() for p in parts), strict=True))
-        floor = repeats[name].std if name in repeats else None
+        floor = noise_factor * repeats[name].std if name in repeats else None
         motion = rms(np.concatenate([_motion(part) for part in parts]))
         channels[name] = Difference(UNITS[name], rms(before), rms(after), floor, motion)
     if len(channels) == 1:

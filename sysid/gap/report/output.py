@@ -55,6 +55,7 @@ def gap_table(report: GapReport) -> str:
     hidden_names = _shortened(hidden, _MOST_NAMES)
     rows = [
         ("gap", _gap(report)),
+        ("beside fit", _beside_fit(report)),
         ("channels", _shortened(channels, _MOST_CHANNELS) if len(channels) > 1 else ""),
         ("where most", "; ".join(_place(found) for found in concentrations(report, most=2))),
         ("missing", "; ".join(_effect(found) for found in report.effects)),
@@ -70,9 +71,19 @@ def gap_table(report: GapReport) -> str:
 
 
 def _gap(report: GapReport) -> str:
-    closed = closed_share(report.gap) if report.changed else "-"
-    end = f"; {closed} of what is above noise is gone" if closed != "-" else ""
-    return f"{_change(report.gap)} on {compared_runs(report)}{end}"
+    return f"{_change(report.gap)} on {compared_runs(report)}{_closed(report, report.gap)}"
+
+
+def _beside_fit(report: GapReport) -> str:
+    beside = report.gap_beside_fit
+    if beside is None:
+        return ""
+    return f"{_change(beside)} without the model's error in the logs of its fit{_closed(report, beside)}"
+
+
+def _closed(report: GapReport, gap: Difference) -> str:
+    closed = closed_share(gap) if report.changed else "-"
+    return f"; {closed} of what is above noise is gone" if closed != "-" else ""
 
 
 def _change(gap: Difference) -> str:
@@ -128,7 +139,7 @@ def _shortened(items: Sequence[str], most: int) -> str:
 
 def gap_json(report: GapReport) -> dict[str, Any]:
     """Return the object of `gap.json`; a number that is not finite or not known is null."""
-    custom = report.custom
+    custom, beside = report.custom, report.gap_beside_fit
     value: dict[str, Any] = plain_json(
         {
             "format": FORMAT,
@@ -138,7 +149,8 @@ def gap_json(report: GapReport) -> dict[str, Any]:
             "level": report.level,
             "effects": [_effect_json(found) for found in report.effects],
             "candidates": report.candidates,
-            "gap": {**vars(report.gap), "closed": closure(report.gap)},
+            "gap": _with_closure(report.gap),
+            "gap_beside_fit": None if beside is None else _with_closure(beside),
             "held_out": report.held_out,
             "p_value": report.p_value,
             "false_alarm": report.false_alarm,
@@ -157,6 +169,10 @@ def gap_json(report: GapReport) -> dict[str, Any]:
         }
     )
     return value
+
+
+def _with_closure(gap: Difference) -> dict[str, Any]:
+    return {**vars(gap), "closed": closure(gap)}
 
 
 def _custom_evidence(custom: CustomProposal) -> dict[str, Any]:

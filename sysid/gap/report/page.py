@@ -33,11 +33,13 @@ _MOST_FINDINGS: Final = 40
 _EVIDENCE_SHOWN, _EVIDENCE_FOLDED = 10, 60
 """Sets of effects in the table of evidence, and in the part that opens on a click."""
 _MOST_CANDIDATES: Final = 6
+_BESIDE: Final = "beside the logs of the fit"
 
 
 def write_gap_report(report: GapReport, path: Path) -> None:
     """Write the page of a study to a path, which takes the `report` extra."""
-    experiment = report.next_experiment
+    experiment, beside = report.next_experiment, report.gap_beside_fit
+    rows = [*report.channels.items(), *([] if beside is None else [(_BESIDE, beside)])]
     overlays = {f"run{i}": overlay_figure(overlay) for i, overlay in enumerate(report.overlays)}
     figures: dict[str, Mapping[str, Any]] = dict(overlays)
     if (heat := heat_figure(report)) is not None:
@@ -54,9 +56,10 @@ def write_gap_report(report: GapReport, path: Path) -> None:
         sentence=verdict_sentence(report),
         step=next_step(report),
         gap=_difference_row("together", report.gap),
+        beside=None if beside is None else _difference_row(_BESIDE, beside),
         runs=compared_runs(report),
         changed=report.changed,
-        channels=[_difference_row(name, channel) for name, channel in report.channels.items()],
+        rows=[_difference_row(name, one) for name, one in rows],
         effects=[_effect(found) for found in report.effects],
         candidates=[_candidate(report, names) for names in report.candidates[:_MOST_CANDIDATES]],
         more_candidates=max(0, len(report.candidates) - _MOST_CANDIDATES),

@@ -59,6 +59,11 @@ def goals(outcomes: Sequence[Outcome]) -> tuple[Goal, ...]:
             at_most(f"{level}: names for what has none", (bool(o.claims) for o in outside), 0.02),
             at_most(f"{level}: twins named alone", (o.verdict == "named" for o in twins), 0.0),
             _median(f"{level}: median closure of clear and gross", (o.closure for o in visible), closure),
+            _median(
+                f"{level}: median closure beside the logs of the fit",
+                (o.closure_beside_fit for o in visible),
+                closure,
+            ),
         ]
     inside = [held for outcome in outcomes for _, _, held in outcome.covered()]
     untestable = of_kind(outcomes, "untestable")

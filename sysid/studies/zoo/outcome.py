@@ -9,12 +9,14 @@ from typing import Any, Final
 
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import effect_named
-from sysid.gap.result import Evidence, FoundEffect, GapReport, Interval
+from sysid.gap.result import Difference, Evidence, FoundEffect, GapReport, Interval
 from sysid.studies import score
 from sysid.studies.zoo.cases.case import Case, Hidden
 
 Bounds = tuple[float, float, float]
 """Value, lower and upper end of the 90 % interval."""
+Errors = tuple[float, float, float]
+"""Rms error before and after, and that of a perfect model."""
 ERROR: Final = "error"
 """The verdict of a case whose fit or study raised an exception."""
 
@@ -38,6 +40,8 @@ class Outcome:
     """The same with the effects added."""
     floor: float = math.nan
     """The same for a perfect model: the noise of repeats; NaN without repeats."""
+    beside_fit: Errors | None = None
+    """The three errors without what the model errs by in the logs of its fit; None if that is not known."""
     p_value: float = math.nan
     """Probability of a difference at least this large if the fitted model were right."""
     misfit: float = math.nan
@@ -80,6 +84,11 @@ class Outcome:
         return score.closure(self.before, self.after, self.floor)
 
     @property
+    def closure_beside_fit(self) -> float:
+        """The closure without what the model errs by in the logs of its fit; NaN if that is not known."""
+        return math.nan if self.beside_fit is None else score.closure(*self.beside_fit)
+
+    @property
     def noise_ratio(self) -> float:
         """Mean squared error of the fitted model on test runs, in noise variances; NaN without repeats."""
         return (self.before / self.floor) ** 2 if self.floor > 0.0 else math.nan
@@ -98,7 +107,7 @@ class Outcome:
 
 def outcome_of(case: Case, report: GapReport, fit_s: float, study_s: float) -> Outcome:
     """Return the outcome of a case from its report and the times [s] that fit and study took."""
-    floor = report.gap.noise_floor
+    (before, after, floor), beside = _errors(report.gap), report.gap_beside_fit
     base = next((entry for entry in report.evidence if not entry.effects), None)
     best = _best(report)
     return Outcome(
@@ -110,9 +119,10 @@ def outcome_of(case: Case, report: GapReport, fit_s: float, study_s: float) -> O
             effect.cause: {key: (p.value, p.low, p.high) for key, p in _measured(effect).items()}
             for effect in report.effects
         },
-        before=report.gap.before,
-        after=report.gap.after,
-        floor=math.nan if floor is None else floor,
+        before=before,
+        after=after,
+        floor=floor,
+        beside_fit=None if beside is None else _errors(beside),
         p_value=report.p_value,
         misfit=math.nan if base is None else base.misfit,
         best=() if best is None else best.effects,
@@ -123,6 +133,10 @@ def outcome_of(case: Case, report: GapReport, fit_s: float, study_s: float) -> O
         fit_s=fit_s,
         study_s=study_s,
     )
+
+
+def _errors(gap: Difference) -> Errors:
+    return gap.before, gap.after, math.nan if gap.noise_floor is None else gap.noise_floor
 
 
 def _measured(effect: FoundEffect) -> dict[str, Interval]:
@@ -183,6 +197,8 @@ def from_json(entry: Mapping[str, Any]) -> Outcome:
         **{key: tuple(entry[key]) for key in _NAMES},
     }
     known["case"] = case_from_json(entry["case"])
+    if (beside := entry["beside_fit"]) is not None:
+        known["beside_fit"] = tuple(map(float, beside))
     known["candidates"] = tuple(map(tuple, entry["candidates"]))
     known["parameters"] = {
         name: {key: (float(b[0]), float(b[1]), float(b[2])) for key, b in values.items()}

@@ -121,7 +121,8 @@ def page_markdown(
         markdown_table(GOAL_HEAD, [goal.row() for goal in goals(outcomes)]),
         "In brackets 95 % Wilson intervals. A target is reached if the whole interval is on its right side, "
         "missed if it is on the wrong one, and open between. Found: right or rightly ambiguous. Closure: "
-        "(before - after)/(before - noise floor) on test runs, 0 where nothing was named.",
+        "(before - after)/(before - noise floor) on test runs, 0 where nothing was named. Beside the logs of "
+        "the fit: the same without what the model errs by in these, where they hold the same commands.",
         f"The size of a change is the rms of what it does to the logs, over the noise: {sizes}, gross above. "
         "Several effects are as large as the smallest of them is alone.",
         time_text(outcomes),

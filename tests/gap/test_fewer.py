@@ -116,9 +116,18 @@ def test_only_formulas_of_which_there_are_several_excuse_what_a_set_leaves(
     assert formula_error(problem, Floor(1e4, trusted=False), more, less) == share
 
 
-@pytest.mark.parametrize(("score", "kept"), [(99.0, True), (101.0, False)])
-def test_a_set_with_a_parameter_more_is_a_candidate_where_that_parameter_pays(
-    score: float, kept: bool
+@pytest.mark.parametrize(
+    ("other", "score", "kept"),
+    [
+        ("warm_up", 99.0, True),
+        ("warm_up", 100.9, True),
+        ("warm_up", 101.1, False),
+        ("battery_sag/voltage", 99.0, True),
+        ("battery_sag/voltage", 100.9, False),
+    ],
+)
+def test_a_set_with_a_parameter_more_is_a_candidate_unless_that_costs_what_a_needless_one_does(
+    other: str, score: float, kept: bool
 ) -> None:
     def one(name: str, score: float, parameters: int) -> ScoredSet:
         candidate = SimpleNamespace(parameter_count=parameters)
@@ -128,7 +137,7 @@ def test_a_set_with_a_parameter_more_is_a_candidate_where_that_parameter_pays(
     base = SimpleNamespace(cost=BASE_COST)
     problem = SimpleNamespace(has_surrogate=False, knows_all=False, size=100)
     search: Any = SimpleNamespace(base=base, shared=lambda *_: base, problem=problem)
-    simple, curved = one("battery_sag", 100.0, 1), one("warm_up", score, 2)
+    simple, curved = one("battery_sag", 100.0, 1), one(other, score, 2)
     unknown = Floor(1e4, trusted=False)
     found = ties.tied(search, unknown, simple, (simple, curved), 1.0)
     assert found == ((simple, curved) if kept else (simple,))
@@ -164,7 +173,7 @@ def test_friction_is_no_repetition_of_the_dead_zone_that_looks_like_it(search: A
 
     search.shared = lambda *_: search.base
     dead, rubbing = one("command_deadband/subtract", 1, 100.0), one("coulomb_friction", 2, 101.0)
-    late, asymmetric = one("sensor_latency", 1, 102.0), one("direction_asymmetry", 2, 103.0)
+    late, asymmetric = one("sensor_latency", 1, 102.0), one("direction_asymmetry", 2, 103.5)
     # All four predict the same; of those with two parameters friction alone may be the truth.
     assert tied(search, FLOOR, dead, [dead, rubbing, late, asymmetric], 1.0) == (dead, rubbing, late)
 

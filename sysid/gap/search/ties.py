@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 
@@ -16,6 +17,10 @@ from sysid.gap.search.chance import Floor, complete, roller_scatter
 from sysid.gap.search.scores import ScoredSet, doubtful, rises
 from sysid.gap.search.sets import Search
 from sysid.gap.search.thresholds import THRESHOLDS
+
+_NEEDLESS: Final = 1.0
+"""What a parameter that is not needed adds to a score, -2 log density of data that it was not fitted to, on
+average. (Akaike's criterion takes 2, since it starts from the data of the fit, in which it gains as much.)"""
 
 
 def tied(
@@ -243,14 +248,16 @@ def _tolerance(
 def _repeats(search: Search, one: ScoredSet, other: ScoredSet, inflation: float) -> bool:
     """Return whether a set predicts what another predicts, up to formula errors, with more parameters.
 
-    Its score must be no better: a needless parameter costs, so that one that pays may be the truth. Friction,
-    which may answer late, is no repetition of a dead zone that looks the same (`friction_first`).
+    Its score must be no better, and that of other causes worse by what needless parameters cost: where they
+    cost less, nothing tells which of the two is the truth. Friction, which may answer late, is no repetition
+    of a dead zone that looks the same (`friction_first`).
     """
     if one.names == other.names:
         return True
     if _is_friction_of(one, other):
         return False
-    more = one.fitted.candidate.parameter_count > other.fitted.candidate.parameter_count
-    more = more and one.score >= other.score
+    further = one.fitted.candidate.parameter_count - other.fitted.candidate.parameter_count
+    margin = 0.0 if one.causes == other.causes else _NEEDLESS * further
+    more = further > 0 and one.score >= other.score + margin
     square = float(np.sum((one.fitted.residual - other.fitted.residual) ** 2)) / inflation
     return more and square < _tolerance(search, other, one, inflation, THRESHOLDS.exact_formula)

@@ -134,7 +134,8 @@ class Difference:
     after: float
     """Rms error of the improved model."""
     noise_floor: float | None
-    """Standard deviation of the noise, from all repeats in the logs, test runs included; None without any."""
+    """Standard deviation of the noise, from all repeats in the logs, test runs included, or else from
+    those in the logs of the fit; None without any."""
     motion: float | None = None
     """Rms of the measured channel, which says how large an error is; of a pose, from where the run starts."""
 

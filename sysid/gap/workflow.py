@@ -122,12 +122,12 @@ def _report(
     effects = found_effects(found)
     improved = improved_model(model, found, effects)
     before = predicted(model, runs, problem.settings)
-    custom = _custom(dataset, found, before, options.adopt)
+    custom = _custom(dataset, found, before, options)
     if custom is not None and custom.adopted:
         improved = problem.base.with_custom(custom.effect)
     after = before if improved is model else predicted(improved, runs, problem.settings)
     comparison = compare(split, runs, before, after)
-    gap, channels = differences(dataset, comparison)
+    gap, channels = differences(dataset, comparison, options.fitted_on)
     beside = None
     if options.fitted_on is not None:
         beside = gap_beside_fit(dataset, options.fitted_on, model, comparison, runs, problem.settings)
@@ -175,7 +175,7 @@ def _report(
 
 
 def _custom(
-    dataset: Dataset, found: Inquiry, before: Sequence[Channels], adopt: bool
+    dataset: Dataset, found: Inquiry, before: Sequence[Channels], options: GapOptions
 ) -> CustomProposal | None:
     """Return the custom effect that describes an unexplained gap, and what is left with it on held-out runs.
 
@@ -192,8 +192,8 @@ def _custom(
         return None
     split, runs = held_out(dataset)
     described = predicted(problem.base.with_custom(proposal.effect), runs, problem.settings)
-    left = differences(dataset, compare(split, runs, before, described))[0].after
-    return CustomProposal(proposal.effect, proposal.explained, proposal.stations_tied, left, adopt)
+    left = differences(dataset, compare(split, runs, before, described), options.fitted_on)[0].after
+    return CustomProposal(proposal.effect, proposal.explained, proposal.stations_tied, left, options.adopt)
 
 
 def _what_is_open(

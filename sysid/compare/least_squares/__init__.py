@@ -1,6 +1,14 @@
 """Fits of candidates to logs: the whitened residual of a model, and its descent with few simulations."""
 
-from sysid.compare.least_squares.fitted import PRIOR, Fitted, base_fit, fit, function_near, marginal_function
+from sysid.compare.least_squares.fitted import (
+    PRIOR,
+    Fitted,
+    base_fit,
+    fit,
+    function_near,
+    held_starts,
+    marginal_function,
+)
 from sysid.compare.least_squares.gauss_newton import (
     Minimum,
     compass_search,
@@ -23,6 +31,7 @@ __all__ = [
     "descend_steeply",
     "fit",
     "function_near",
+    "held_starts",
     "likely_frequencies",
     "marginal_function",
     "reach",

@@ -6,7 +6,7 @@ The rival of every set of effects is here, too: the wheel law itself, fitted aga
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final, Generic, TypeVar
@@ -23,7 +23,7 @@ from sysid.compare.least_squares.gauss_newton import (
     differences,
     refined,
 )
-from sysid.compare.least_squares.problem import ROLLER_STEP, SMOOTH_STEP, ResidualProblem
+from sysid.compare.least_squares.problem import ROLLER_STEP, SMOOTH_STEP, ResidualOf, ResidualProblem
 from sysid.compare.search_space import Candidate
 
 PRIOR: Final = 0.5
@@ -163,14 +163,32 @@ def _minimum(
     return minimum
 
 
-def marginal_function(problem: ResidualProblem, candidate: Candidate) -> Function:
-    """Return the marginal residual (N,) of a candidate as a function of its place (p,)."""
+def marginal_function(
+    problem: ResidualProblem, candidate: Candidate, residual_of: ResidualOf | None = None
+) -> Function:
+    """Return the marginal residual (N,) of a candidate as a function of its place (p,).
+
+    `residual_of` gives that of a model; by default the `problem` does.
+    """
+    simulated = problem.residual if residual_of is None else residual_of
 
     def marginal_residual(place: FloatArray) -> FloatArray | None:
-        residual = problem.residual(candidate.model(problem.base, place))
+        residual = simulated(candidate.model(problem.base, place))
         return None if residual is None else problem.marginal(residual)
 
     return marginal_residual
+
+
+def held_starts(
+    problem: ResidualProblem, candidate: Candidate, function: Function
+) -> Callable[[FloatArray], Function]:
+    """Return what gives, near a place (p,), the marginal `function` of a candidate with starts held."""
+
+    def near(place: FloatArray) -> Function:
+        residual_of = problem.residual_near(candidate.model(problem.base, place))
+        return function if residual_of is None else marginal_function(problem, candidate, residual_of)
+
+    return near
 
 
 def function_near(

@@ -105,33 +105,50 @@ def descend_sparingly(
 
 
 def descend_steeply(
-    function: Function, place: FloatArray, *, step: FloatArray | float, most: int = 8
+    function: Function,
+    place: FloatArray,
+    *,
+    step: FloatArray | float,
+    most: int = 8,
+    near: Callable[[FloatArray], Function] | None = None,
 ) -> Minimum | None:
     """Minimise |function|^2 as `descend_sparingly` does where residuals are cheap: by new derivatives.
 
     A descent takes at `most` so many steps, each with a new Jacobian by finite differences over a `step`;
     the minimum has that at its end. None if there is no residual at the `place` (p,).
+
+    `near` a place (p,) gives a function with about the same derivative that is cheaper, or the `function`
+    itself: steps are tried with it, and taken if the `function` agrees.
     """
     residual = function(place)
     if residual is None:
         return None
+
+    def derivative(place: FloatArray, residual: FloatArray) -> tuple[Function, FloatArray, FloatArray]:
+        local = function if near is None else near(place)
+        here = residual if local is function else local(place)
+        if here is None:
+            local, here = function, residual
+        return local, here, differences(local, place, here, step)
+
+    local, here, jacobian = derivative(place, residual)
     damping, used = 0.0, 1
-    jacobian = differences(function, place, residual, step)
     for _ in range(most):
         before = cost = float(residual @ residual)
         for _ in range(_DAMPINGS):
-            move = _step(jacobian, residual, place, damping)
-            trial, used = function(place + move), used + 1
+            move = _step(jacobian, here, place, damping)
+            trial, used = local(place + move), used + 1
+            if local is not function and trial is not None and float(trial @ trial) < float(here @ here):
+                trial, used = function(place + move), used + 1
             if trial is not None and float(trial @ trial) < cost:
                 place, residual, cost = place + move, trial, float(trial @ trial)
                 damping = 0.1 * damping if damping > 1e-3 else 0.0
+                local, here, jacobian = derivative(place, residual)
+                used += place.size
                 break
             damping = max(10.0 * damping, 0.01)
         if before - cost < max(_GAIN, _STEEP_GAIN * before):
-            if cost < before:
-                jacobian = differences(function, place, residual, step)
             break
-        jacobian, used = differences(function, place, residual, step), used + place.size
     return Minimum(place, residual, jacobian, used)
 
 

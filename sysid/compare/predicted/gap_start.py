@@ -75,6 +75,15 @@ class SeenSpeed:
         return self.value_rpm.size * math.log(max(before, _NONE) / max(after, _NONE))
 
 
+@dataclass(frozen=True, eq=False)
+class FromGap:
+    """How a wheel moves in each run from the place in its gap that fits best."""
+
+    motions: list[Motion]
+    places: tuple[float, ...]
+    """Of each run, from -1 to 1; 0: the middle."""
+
+
 def starts_in_gap(wheel: FreeWheel) -> bool:
     """Return whether a wheel at rest may stand anywhere in a gap: one without an elastic filling."""
     return bool(wheel.parameters[_GAP] > 0.0 and not wheel.parameters[_SWING] > 0.0)
@@ -82,7 +91,7 @@ def starts_in_gap(wheel: FreeWheel) -> bool:
 
 def motions_from_gap(
     wheel: FreeWheel, runs: Sequence[BenchRun], seen: Sequence[SeenSpeed], sensors: Sensors
-) -> list[Motion]:
+) -> FromGap:
     """Return the motion of a wheel in each of the `runs`, from the place in its gap that fits best.
 
     That is the middle where a run starts in motion, has no samples, or does not show another place: noise
@@ -116,7 +125,10 @@ def motions_from_gap(
     for step in _FINER:
         look([(i, best[i].place + off) for i in shown for off in (-step, step)])
     found = dict(zip(shown, search.motions([(i, best[i].place) for i in shown]), strict=True))
-    return [found.get(i, middle[i].motion) for i in range(len(runs))]
+    return FromGap(
+        [found.get(i, middle[i].motion) for i in range(len(runs))],
+        tuple(best[i].place if i in found else 0.0 for i in range(len(runs))),
+    )
 
 
 @dataclass(frozen=True, eq=False)

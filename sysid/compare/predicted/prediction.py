@@ -82,7 +82,7 @@ def _motions_of(
         period, wheel = model.wheel.command_period_s, FreeWheel.of(model, timestep_s=settings.timestep_s)
         asked = [bench_run(run, start, period, supply_of(run)) for run, start in runs]
         if starts_in_gap(wheel):
-            return motions_from_gap(wheel, asked, [SeenSpeed.of([run]) for run, _ in runs], sensors)
+            return motions_from_gap(wheel, asked, [SeenSpeed.of([run]) for run, _ in runs], sensors).motions
         return bench_motions_of(wheel, BenchRuns(asked))
     by_voltage = follows_voltage(model)
     robots: dict[float, CompiledRobot] = {}

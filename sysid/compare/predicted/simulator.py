@@ -8,18 +8,18 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from threading import Lock
-from typing import Final, TypeVar
+from typing import Final, TypeAlias, TypeVar
 
 import mujoco
 import numpy as np
 
 from mecanum_env.effects import CATALOGUE
-from mecanum_env.effects.apply import Sensors, sensors_of, without_sensors
+from mecanum_env.effects.apply import sensors_of, without_sensors
 from mecanum_env.model import Model
-from mecanum_env.simulator.free_wheel import FreeWheel
+from mecanum_env.simulator.free_wheel import BenchRun, BenchRuns, FreeWheel
 from mecanum_env.units import FloatArray
 from sysid.compare.measured import Observations
-from sysid.compare.predicted.gap_start import SeenSpeed, motions_from_gap, starts_in_gap
+from sysid.compare.predicted.gap_start import FromGap, SeenSpeed, motions_from_gap, starts_in_gap
 from sysid.compare.predicted.groups import Alike, Groups
 from sysid.compare.predicted.motion import Motion, bench_motions_of
 from sysid.compare.predicted.prediction import bench_run, in_run_frame, readings
@@ -32,6 +32,10 @@ _AVERAGED: Final = 2
 1 / sqrt(3), for three times the simulations."""
 _MOTIONS_KEPT: Final = 8  # number of models whose motions are kept; those of one model take some megabytes
 _PREDICTIONS_BYTES: Final = 1e8  # size of the predictions that are kept, about 0.1 MB for a model
+
+Starts: TypeAlias = tuple[float, ...]
+"""Place in the gap at which each situation starts, from -1 to 1; empty: all start in the middle."""
+MIDDLE: Final[Starts] = ()
 
 T = TypeVar("T")
 
@@ -60,13 +64,15 @@ class Simulator:
         self.settings = settings or SimulationSettings()
         self._motions: OrderedDict[Hashable, list[Motion]] = OrderedDict()
         self._predictions: OrderedDict[Hashable, list[FloatArray]] = OrderedDict()
+        self._wheels: OrderedDict[Hashable, FreeWheel] = OrderedDict()
+        self._gaps: OrderedDict[Hashable, FromGap | None] = OrderedDict()
         self._groups: dict[tuple[float, bool, bool], Groups] = {}
         self._lock = Lock()
 
-    def predictions(self, model: Model, *, from_middle: bool = False) -> list[FloatArray]:
+    def predictions(self, model: Model, *, starts: Starts | None = None) -> list[FloatArray]:
         """Return what a model predicts for each block, each of the block's shape (m,).
 
-        A wheel on the bench starts where in its gap each run shows it to, or `from_middle` of the gap: then
+        A wheel on the bench starts where in its gap each run shows it to, or at given `starts`: then
         predictions do not depend on what was measured.
 
         Raises:
@@ -76,15 +82,29 @@ class Simulator:
         key = model_key(model)
         return self._remembered(
             self._predictions,
-            (key, from_middle),
-            lambda: self._predict(model, key, from_middle),
+            (key, starts),
+            lambda: self._predict(model, key, starts),
             self._predictions_kept,
         )
 
-    def _predict(self, model: Model, key: Hashable, from_middle: bool) -> list[FloatArray]:
+    def starts(self, model: Model) -> Starts | None:
+        """Return where in a model's gap the runs on the bench show that they start; None without a gap.
+
+        Raises:
+            InputError: an effect that cannot be simulated, or a value out of range.
+            SimulationDivergedError: the state stopped being finite.
+        """
+        found = self._from_gap(model, model_key(model))
+        return None if found is None else found.places if any(found.places) else MIDDLE
+
+    def _predict(self, model: Model, key: Hashable, starts: Starts | None) -> list[FloatArray]:
         situations = self.observations.situations
         alone, sensors = without_sensors(model), sensors_of(model)
-        motions = None if from_middle else self._from_gap(alone, sensors)
+        if starts is None:
+            found = self._from_gap(model, key)
+            motions = None if found is None else found.motions
+        else:
+            motions = self._from_places(alone, starts)
         if motions is None:
             motions = self._remembered(
                 self._motions,
@@ -112,8 +132,8 @@ class Simulator:
         return max(1, int(_PREDICTIONS_BYTES / (8 * values)))
 
     def _remembered(
-        self, kept: OrderedDict[Hashable, list[T]], key: Hashable, work: Callable[[], list[T]], most: int
-    ) -> list[T]:
+        self, kept: OrderedDict[Hashable, T], key: Hashable, work: Callable[[], T], most: int
+    ) -> T:
         """Return the result of `work`, which is `kept` for the latest `most` keys."""
         with self._lock:
             if key in kept:
@@ -141,20 +161,48 @@ class Simulator:
         """Return a model's wheel on the bench, if it starts anywhere in a gap."""
         if self.observations.situations[0].runs[0].level != "bench":
             return None
-        wheel = FreeWheel.of(model, timestep_s=self.settings.timestep_s)
+        wheel = self._wheel(model)
         return wheel if starts_in_gap(wheel) else None
 
-    def _from_gap(self, model: Model, sensors: Sensors) -> list[Motion] | None:
-        """Return the motions of a wheel that starts anywhere in a gap, which sensors see; None of another."""
-        wheel, situations = self._wheel_in_gap(model), self.observations.situations
+    def _wheel(self, model: Model) -> FreeWheel:
+        """Return a model's wheel on the bench."""
+        return self._remembered(
+            self._wheels,
+            model_key(model),
+            lambda: FreeWheel.of(model, timestep_s=self.settings.timestep_s),
+            _MOTIONS_KEPT,
+        )
+
+    def _from_gap(self, model: Model, key: Hashable) -> FromGap | None:
+        """Return how a model's wheel moves if it starts anywhere in a gap; None of another."""
+
+        def work() -> FromGap | None:
+            alone = without_sensors(model)
+            wheel = self._wheel_in_gap(alone)
+            if wheel is None:
+                return None
+            return motions_from_gap(wheel, self._asked(alone, wheel), self._seen, sensors_of(model))
+
+        return self._remembered(self._gaps, key, work, _MOTIONS_KEPT)
+
+    def _from_places(self, model: Model, starts: Starts) -> list[Motion] | None:
+        """Return the motions of a model's wheel from places in its gap; None from the middle."""
+        wheel = self._wheel_in_gap(model) if any(starts) else None
         if wheel is None:
             return None
+        asked = self._asked(model, wheel)
+        return bench_motions_of(
+            wheel,
+            BenchRuns([replace(run, gap_share=place) for run, place in zip(asked, starts, strict=True)]),
+        )
+
+    def _asked(self, model: Model, wheel: FreeWheel) -> list[BenchRun]:
+        """Return what a model's wheel is commanded in each situation."""
         period = model.wheel.command_period_s
-        asked = [
+        return [
             bench_run(one.runs[0], one.start, period, supply_of(one.runs[0]) if wheel.reads_voltage else None)
-            for one in situations
+            for one in self.observations.situations
         ]
-        return motions_from_gap(wheel, asked, self._seen, sensors)
 
     @cached_property
     def _seen(self) -> list[SeenSpeed]:
@@ -163,7 +211,7 @@ class Simulator:
 
     def _simulate(self, model: Model) -> list[Motion]:
         if self.observations.situations[0].runs[0].level == "bench":
-            wheel = FreeWheel.of(model, timestep_s=self.settings.timestep_s)
+            wheel = self._wheel(model)
             groups = self._groups_of(model, by_voltage=self._voltage_logged and wheel.reads_voltage)
             return groups.of_situations(bench_motions_of(wheel, groups.bench_runs))
         # A direction in the world makes the motion depend on where a run starts.

@@ -23,6 +23,7 @@ from sysid.compare.least_squares import (
     ResidualProblem,
     compass_search,
     descend_steeply,
+    held_starts,
     marginal_function,
 )
 from sysid.compare.model_error import Whitener
@@ -244,12 +245,13 @@ class EffectSearch:
 
     def _reached(self, candidate: LawWithEffects, place: FloatArray) -> Reached | None:
         function = marginal_function(self.problem, candidate)
-        reached = descend_steeply(function, place, step=SMOOTH_STEP)
+        near = held_starts(self.problem, candidate, function)
+        reached = descend_steeply(function, place, step=SMOOTH_STEP, near=near)
         if reached is None:
             return None
         if any(candidate.stepwise):
             looked = compass_search(function, reached, np.array(candidate.stepwise))
-            reached = descend_steeply(function, looked.place, step=SMOOTH_STEP) or reached
+            reached = descend_steeply(function, looked.place, step=SMOOTH_STEP, near=near) or reached
         found = Fitted(candidate, reached.place, reached.residual, reached.jacobian)
         model = candidate.model(self.base, found.place)
         try:

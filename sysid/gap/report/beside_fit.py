@@ -73,7 +73,8 @@ def gap_beside_fit(
     if not samples:
         return None
     noise_factor = math.sqrt(1.0 + float(np.mean(shares)))
-    return differences(dataset, Comparison(comparison.split, tuple(samples)), noise_factor)[0]
+    beside_fit = Comparison(comparison.split, tuple(samples))
+    return differences(dataset, beside_fit, fitted_on, noise_factor)[0]
 
 
 class _Shifted:

@@ -79,15 +79,17 @@ def compare(
 
 
 def differences(
-    dataset: Dataset, comparison: Comparison, noise_factor: float = 1.0
+    dataset: Dataset, comparison: Comparison, fitted_on: Dataset | None = None, noise_factor: float = 1.0
 ) -> tuple[Difference, dict[str, Difference]]:
     """Return the gap over all channels, and that of each channel that has samples.
 
     With several channels the gap is in standard deviations of their noise; a channel without repeats is
     scaled by its error after instead. The noise floor is from repeats of all runs of the dataset, test runs
-    included; no decision uses it. The noise in the comparison may be larger than theirs by a factor.
+    included; of a channel without repeats there, from those of the logs of the fit. The noise in the
+    comparison may be larger than theirs by a factor.
     """
-    repeats = noise_from_repeats(dataset.runs) or {}
+    of_fit = {} if fitted_on is None else noise_from_repeats(fitted_on.runs) or {}
+    repeats = {**of_fit, **(noise_from_repeats(dataset.runs) or {})}
     channels = {}
     for name, parts in comparison.by_channel().items():
         before, after = (np.concatenate(errors) for errors in zip(*(p.errors() for p in parts), strict=True))

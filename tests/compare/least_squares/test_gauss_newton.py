@@ -9,7 +9,13 @@ from hypothesis import strategies as st
 
 from mecanum_env.units import FloatArray
 from sysid.compare.least_squares import Minimum, compass_search, reach
-from sysid.compare.least_squares.gauss_newton import descend_sparingly, differences, refined
+from sysid.compare.least_squares.gauss_newton import (
+    Function,
+    descend_sparingly,
+    descend_steeply,
+    differences,
+    refined,
+)
 
 _TIME = np.linspace(0.0, 1.0, 50)
 
@@ -81,3 +87,35 @@ def test_the_reach_of_a_threshold_is_up_to_the_next_commands() -> None:
     down, up = reach(_threshold, at, 0, rise=2.7)
     assert 0.35 - down == pytest.approx(0.3, abs=0.006)
     assert 0.35 + up == pytest.approx(0.4, abs=0.006)
+
+
+def test_a_steep_descent_tries_its_steps_with_a_cheaper_function_and_ends_where_the_other_does() -> None:
+    asked: list[np.ndarray] = []
+
+    def function(place: np.ndarray) -> np.ndarray | None:
+        asked.append(place)
+        return _decay(place)
+
+    def near(at: np.ndarray) -> Function:
+        # Less exact with the distance, and off by a constant.
+        return lambda place: _decay(place) * (1.0 + 0.1 * np.sum(np.abs(place - at))) + 1e-4
+
+    start = np.array([0.1, 0.1])
+    alone = descend_steeply(function, start, step=1e-4)
+    many = len(asked)
+    asked.clear()
+    held = descend_steeply(function, start, step=1e-4, near=near)
+    assert alone is not None
+    assert held is not None
+    np.testing.assert_allclose(held.place, alone.place, atol=1e-3)
+    np.testing.assert_array_equal(held.residual, _decay(held.place))
+    assert len(asked) < 0.5 * many
+
+
+def test_a_steep_descent_does_without_a_cheaper_function_that_has_no_residual() -> None:
+    start = np.array([0.1, 0.1])
+    alone = descend_steeply(_decay, start, step=1e-4)
+    held = descend_steeply(_decay, start, step=1e-4, near=lambda _: lambda _: None)
+    assert alone is not None
+    assert held is not None
+    np.testing.assert_array_equal(held.place, alone.place)

@@ -11,7 +11,7 @@ from sysid.compare.least_squares import ResidualProblem
 from sysid.compare.measured import observe
 from sysid.compare.model_error import Whitener
 from sysid.compare.noise import measure_noise
-from sysid.compare.predicted import START_PRICE
+from sysid.compare.predicted import MIDDLE, START_PRICE, simulator
 from sysid.logs import BenchCommand, Dataset, Run
 
 TIME = np.arange(0.0, 2.0, 0.01)
@@ -70,16 +70,16 @@ def test_no_gap_and_one_with_an_elastic_filling_cost_nothing(problem: ResidualPr
 
 
 def test_what_a_gap_would_change_does_not_follow_what_was_measured(problem: ResidualProblem) -> None:
-    loose, simulator, whiten = (
+    loose, full, whiten = (
         paper_model().with_effect("backlash", gap_deg=20.0),
         problem.simulators.full,
         problem.whitener.whiten,
     )
     (change,) = problem.changes([loose], surrogate=False, reference=problem.base)
     assert change is not None
-    plain, middle = (simulator.predictions(one, from_middle=True) for one in (problem.base, loose))
+    plain, middle = (full.predictions(one, starts=MIDDLE) for one in (problem.base, loose))
     np.testing.assert_allclose(change, problem.marginal(whiten(plain) - whiten(middle)), atol=1e-9)
-    shown = simulator.predictions(loose)
+    shown = full.predictions(loose)
     assert any(np.max(np.abs(one - other)) > 1.0 for one, other in zip(shown, middle, strict=True))
 
 
@@ -87,3 +87,25 @@ def test_starts_that_are_chosen_do_not_pay_for_a_gap_that_is_not_there(problem: 
     plain = float(problem.base_residual @ problem.base_residual)
     for gap_deg in (0.1, 0.5, 2.0):
         assert squares(problem, gap_deg) > plain
+
+
+def test_near_a_model_the_starts_of_its_runs_are_held_and_not_looked_for_again(
+    problem: ResidualProblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    loose = paper_model().with_effect("backlash", gap_deg=20.0)
+    near = problem.residual_near(loose)
+    assert near is not None
+    expected = problem.residual(loose)
+    assert expected is not None
+    assert np.any(np.array(problem.simulators.full.starts(loose)) != 0.0)
+    monkeypatch.setattr(simulator, "motions_from_gap", None)
+    found, faster = near(loose), near(loose.with_effect("speed_gain", gain=1.001))
+    assert found is not None
+    assert faster is not None
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+    assert 0.0 < np.linalg.norm(faster - expected) < 0.1 * np.linalg.norm(expected)
+
+
+def test_without_a_gap_there_is_nothing_to_hold(problem: ResidualProblem) -> None:
+    assert problem.residual_near(paper_model()) is None
+    assert problem.simulators.full.starts(paper_model()) is None

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from mecanum_env.model import paper_model
 from mecanum_env.simulator import replay_bench
 from sysid.compare.measured import observe
-from sysid.compare.predicted import Simulator, predict
+from sysid.compare.predicted import MIDDLE, Simulator, predict
 from sysid.logs import BenchCommand, Dataset, Run
 
 LOOSE = paper_model().with_effect("backlash", "rest", gap_deg=20.0, slowing_rpm_s=300.0)
@@ -58,13 +58,13 @@ def test_a_study_starts_each_situation_where_it_does_and_sees_it_through_its_sen
     assert np.max(np.abs(found[0] - observations.blocks[0].value)) < 1e-9
     # Its stamps are a little later than its samples, but the middle of the gap is farther off.
     off = found[1] - observations.blocks[1].value
-    middle = Simulator(observations).predictions(slow, from_middle=True)[1] - observations.blocks[1].value
+    middle = Simulator(observations).predictions(slow, starts=MIDDLE)[1] - observations.blocks[1].value
     assert np.sum(off**2) < 0.1 * np.sum(middle**2)
 
 
 def test_from_the_middle_of_the_gap_a_prediction_does_not_depend_on_what_was_measured() -> None:
     both = [
-        Simulator(observe(Dataset("made", (run_from(place),), ()))).predictions(LOOSE, from_middle=True)[0]
+        Simulator(observe(Dataset("made", (run_from(place),), ()))).predictions(LOOSE, starts=MIDDLE)[0]
         for place in (-1.0, 1.0)
     ]
     np.testing.assert_array_equal(*both)

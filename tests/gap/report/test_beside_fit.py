@@ -14,7 +14,7 @@ from sysid.gap.report.held_out import compare, differences, predicted
 from sysid.gap.result import Difference
 from sysid.gap.wording import closure
 from sysid.logs import Dataset
-from tests.compare.repeated_logs import GAIN, MODEL, NOMINAL, PLANAR, logs
+from tests.compare.repeated_logs import GAIN, MODEL, NOISE, NOMINAL, PLANAR, logs
 
 SEQUENCES = (1, 2, 3)
 CHANGED = 0.88
@@ -57,6 +57,19 @@ def test_what_the_model_adopted_after_its_fit_is_no_error_of_the_fit() -> None:
     _, beside = gaps(logs(CHANGED, SEQUENCES, seed=33), adopted, adopted)
     assert beside is not None
     assert beside.before == pytest.approx(1.0, rel=0.4)
+
+
+def test_without_repeats_the_noise_is_that_of_the_logs_of_the_fit() -> None:
+    single = logs(GAIN, SEQUENCES, seed=37, repeats=1)
+    given = predicted(MODEL, single.runs, PLANAR)
+    comparison = compare("test", single.runs, given, given)
+    assert differences(single, comparison)[0].noise_floor is None
+    total, channels = differences(single, comparison, NOMINAL)
+    assert total.noise_floor == 1.0
+    assert channels["speed_fl_rpm"].noise_floor == pytest.approx(NOISE["speed_fl_rpm"], rel=0.1)
+    beside = gap_beside_fit(single, NOMINAL, MODEL, comparison, single.runs, PLANAR)
+    assert beside is not None
+    assert beside.before == pytest.approx(1.0, rel=0.1)
 
 
 def test_runs_with_other_commands_than_the_logs_of_the_fit_are_left_out() -> None:

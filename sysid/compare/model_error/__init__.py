@@ -7,6 +7,7 @@ from sysid.compare.model_error.marginal import Marginal
 from sysid.compare.model_error.nuisance import plausible_models, shape_columns
 from sysid.compare.model_error.own_error import block_residuals, with_own_error
 from sysid.compare.model_error.repeated import RepeatedCommands, repeated_commands
+from sysid.compare.model_error.same_commands import with_same_commands
 from sysid.compare.model_error.shape import ShapeBasis
 from sysid.compare.model_error.size import ModelError, estimate_model_error, model_error_of
 from sysid.compare.model_error.whitening import Whitener
@@ -29,5 +30,6 @@ __all__ = [
     "shape_columns",
     "with_adopted",
     "with_own_error",
+    "with_same_commands",
     "without_known_error",
 ]

@@ -10,7 +10,7 @@ import numpy as np
 
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
-from sysid.compare.model_error.same_commands import same_commands
+from sysid.compare.model_error.same_commands import with_same_commands
 from sysid.compare.predicted import predict_all
 from sysid.logs import Run
 
@@ -30,7 +30,7 @@ def without_known_error(model: Model, runs: Sequence[Run], of_fit: Sequence[Run]
 
 
 def _without(run: Run, residuals: dict[Run, FloatArray], period_s: float) -> Run:
-    shifts = same_commands(run, [other for other in residuals if other is not run], period_s)
+    shifts = with_same_commands(run, [other for other in residuals if other is not run], period_s)
     if not shifts:
         return run
     beside = [_at(other, residuals[other], run.time_s + shift) for other, shift in shifts.items()]

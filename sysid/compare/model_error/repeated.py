@@ -31,7 +31,7 @@ from sysid.compare.model_error.beside import Beside, contrasts_of, residuals_of,
 from sysid.compare.model_error.freedom import freedom_of_each
 from sysid.compare.model_error.late_changes import late_changes, settled_noise
 from sysid.compare.model_error.run_to_run import run_to_run_columns
-from sysid.compare.model_error.same_commands import same_commands
+from sysid.compare.model_error.same_commands import with_same_commands
 from sysid.compare.model_error.whitening import Whitener
 from sysid.compare.noise import Noise, measure_noise, noise_beside_model
 from sysid.compare.predicted import SimulationSettings, Simulators
@@ -183,7 +183,7 @@ def repeated_commands(
     period_s = model.wheel.command_period_s
     # Runs of a study are cut, too, where all of them are too long. A piece is the same for all new runs.
     cut = [piece for run in fitted_on.runs if is_long(run) for piece in pieces(run, period_s)]
-    partners = [same_commands(run, (*fitted_on.runs, *cut), period_s) for run in first]
+    partners = [with_same_commands(run, (*fitted_on.runs, *cut), period_s) for run in first]
     groups = [situation.group for situation in observations.situations]
     shared = [index for index, runs in enumerate(partners) if runs]
     known = {groups[index] for index in shared}

@@ -27,7 +27,7 @@ _GRID_S: Final = 0.005
 """Step of the times at which commands are compared [s]."""
 
 
-def same_commands(run: Run, of_fit: Sequence[Run], period_s: float) -> dict[Run, float]:
+def with_same_commands(run: Run, of_fit: Sequence[Run], period_s: float) -> dict[Run, float]:
     """Return the runs of the fit that were sent the commands of a run, each with its shift [s].
 
     By so much later it was sent them, by its stamps; it is a multiple of the command period `period_s`, since

@@ -17,8 +17,7 @@ import numpy as np
 from mecanum_env.kinematics import POSE
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
-from sysid.compare.model_error.adopted import as_fitted
-from sysid.compare.model_error.same_commands import same_commands
+from sysid.compare.model_error import as_fitted, with_same_commands
 from sysid.compare.predicted import SimulationSettings, predict
 from sysid.gap.report.held_out import Channels, Comparison, differences
 from sysid.gap.report.samples import Samples
@@ -58,7 +57,7 @@ def gap_beside_fit(
     samples: list[Samples] = []
     shares: list[float] = []
     for run in runs:
-        partners = same_commands(run, fitted_on.runs, period_s)
+        partners = with_same_commands(run, fitted_on.runs, period_s)
         for partner in partners:
             if partner not in known:
                 known[partner] = _residuals(partner, predict(given, partner, settings=settings))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mecanum_env.model import Model
-from sysid.compare.model_error.adopted import with_adopted
+from sysid.compare.model_error import with_adopted
 from sysid.gap.report.beside_fit import gap_beside_fit
 from sysid.gap.report.held_out import compare, differences, predicted
 from sysid.gap.result import Difference

@@ -45,12 +45,12 @@ class Thresholds:
     those drawn drives."""
     robot_formula: float = 0.35
     """`formula_error` on a robot beside the logs of its fit, whose model errs by more than that of a drive.
-    Calibrated on drawn robots that drive the commands of the fit again (python -m sysid.studies.zoo --driven
-    same, robot seeds 64-134): of 22 single effects the right one leaves 0 to 31 % more (rms, of what the best
-    one explains) than any other in 18, and more than 55 % in the other 4."""
+    Calibrated on drawn robots that drive the commands of the fit again (development seeds from 64 on):
+    python benchmarks/robot_formulas.py prints what the right effect leaves beyond the best one (rms, of what
+    that one explains)."""
     crude_robot_formula: float = 0.6
-    """`crude_formula` on such a robot: in the same 18 the right effect leaves 0 to 57 % more than the best
-    larger set, and more than 60 % in the other 4."""
+    """`crude_formula` on such a robot, from what the right effect leaves there beyond the best set of any
+    size."""
     adequate_residual: float = 0.5
     """Largest unexplained rms of an adequate single effect, relative to the rms that it explains; 1 / sqrt(k)
     of it for a set of k effects, which can adapt to more. Calibrated on drawn drives: with 0.2 two more of 15

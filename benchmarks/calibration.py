@@ -32,7 +32,7 @@ from sysid.compare.predicted import SimulationSettings, without_engine_warnings
 from sysid.gap.inquiry import start_search
 from sysid.gap.result import GapOptions
 from sysid.gap.search import thresholds
-from sysid.gap.search.beyond_fit import promised_gains, stepwise
+from sysid.gap.search.beyond_fit import promised_gains, without_first_order
 from sysid.gap.search.chance import expected
 from sysid.gap.search.known_effects import known_effects
 from sysid.gap.search.plain_squares import plain_ratio
@@ -191,7 +191,7 @@ def _measured(level: Level, seed: int, folder: Path) -> Measured:
         gains, least = promised_gains(problem, library), search.considered.least
         limits = [
             Limit(name, gains.get(name, 0.0) / problem.size, least[name] / problem.size)
-            for name in sorted(stepwise(library))
+            for name in sorted(without_first_order(library))
         ]
     return Measured(
         seed,

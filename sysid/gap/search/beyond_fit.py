@@ -2,7 +2,7 @@
 
 What an effect would do to first order is among the model's own error, as far as the logs of the fit leave it
 open (`sysid.compare.model_error.suspects`). That is not so of a ripple, whose phase differs from run to run,
-nor of a limit or a threshold, which has no first order. A model of other rollers, with another servo, lacks
+nor of a limit, a threshold or a curve (`without_first_order`). A model of other rollers, with another servo, lacks
 some of each. So these effects are tried in the logs of the fit, too, at whatever size fits best there.
 
 If an effect is only what the model lacks, each command sequence shows a part of it by chance, and the mean
@@ -38,15 +38,23 @@ def beyond_fit(problem: ResidualProblem, learned: Learned, library: Sequence[Res
     `problem` is that of a robot's new logs, beside what was `learned` from those of the fit.
     """
     ripples = {r.effect for r in library if CATALOGUE[r.effect].follows_angle}
-    rough = dict.fromkeys(stepwise(library), THRESHOLDS.least_elsewhere * problem.size)
+    rough = dict.fromkeys(without_first_order(library), THRESHOLDS.least_elsewhere * problem.size)
     of_fit = ResidualProblem(learned.model, learned.whitener, problem.settings, learned.simulators, learned)
     return _beyond(problem, of_fit, library, dict.fromkeys(ripples, 0.0) | rough)
 
 
-def stepwise(library: Sequence[Response]) -> set[str]:
-    """Return the limits and thresholds of a `library`: no small step of theirs does anything."""
-    ripples = {response.effect for response in library if CATALOGUE[response.effect].follows_angle}
-    return {r.effect for r in library} - {r.effect for r in library if r.linear} - ripples
+def without_first_order(library: Sequence[Response]) -> set[str]:
+    """Return the effects of a `library` that may act for the first time where the robot goes faster.
+
+    These are limits and thresholds, of which no small step does anything, whether or not a soft knee has one
+    that does; and a curve, which may be such a limit. They are not among the model's own error.
+    """
+    return {
+        response.effect
+        for response in library
+        if CATALOGUE[response.effect].search_from is not None
+        or (not response.linear and not CATALOGUE[response.effect].follows_angle)
+    }
 
 
 def promised_gains(problem: ResidualProblem, library: Sequence[Response]) -> dict[str, float]:

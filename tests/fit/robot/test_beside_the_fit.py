@@ -13,7 +13,7 @@ from sysid.compare.least_squares import ResidualProblem, base_fit
 from sysid.compare.measured import observe
 from sysid.compare.model_error import Learned, Whitener, learn
 from sysid.compare.predicted import SimulationSettings
-from sysid.gap.search.beyond_fit import beyond_fit, largest_ratio
+from sysid.gap.search.beyond_fit import beyond_fit, largest_ratio, without_first_order
 from sysid.gap.search.chance import Floor, smallest_detectable
 from sysid.gap.search.decision import _inflation
 from sysid.gap.search.responses import Library, responses
@@ -140,6 +140,28 @@ def test_a_threshold_that_explains_little_may_be_an_error_that_the_fit_did_not_r
     both = (*found.searched, *found.left_out)
     seen, by_chance = (smallest_detectable(both, 1.0, least) for least in (found.least, {}))
     assert seen["command_deadband"]["threshold_rpm"] > by_chance["command_deadband"]["threshold_rpm"]
+
+
+@pytest.mark.parametrize("effect", [{"x_m": 0.01}, {"y_m": 0.01}])
+def test_what_an_effect_does_is_the_same_in_the_own_error_as_in_the_search(
+    unchanged: ResidualProblem, learned: Learned, effect: dict[str, float]
+) -> None:
+    """Else its own scatter of rollers would hide it in the one, and it would be new in the other."""
+    problem = unchanged
+    moved = problem.residual(problem.base.with_effect("com_offset", **effect))
+    assert moved is not None
+    change = moved - problem.base_residual
+    columns = problem.whitener.whiten(learned.columns(problem.simulators))
+    sizes = np.maximum(np.linalg.norm(columns, axis=0), 1e-12)
+    assert np.max(np.abs(change @ columns) / sizes) > 0.99 * np.linalg.norm(change)
+
+
+def test_what_may_act_for_the_first_time_where_the_robot_goes_faster(unchanged: ResidualProblem) -> None:
+    names = ["speed_saturation", "static_map", "speed_gain", "encoder_eccentricity", "coulomb_friction"]
+    library = responses(unchanged, names)
+    assert {response.effect for response in library} == set(names)
+    # A soft knee has a first order, and is a limit nevertheless; a curve may be one.
+    assert without_first_order(library) == {"speed_saturation", "static_map"}
 
 
 def test_an_error_of_few_sequences_may_be_much_larger_in_others(robot_logs: MakeLogs) -> None:

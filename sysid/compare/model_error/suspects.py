@@ -43,8 +43,8 @@ def suspect_columns(model: Model, scale: Scale, simulators: Simulators, at: Mode
     """
     columns = []
     for chosen, place in _trials(model, scale):
-        # Where the search simulates it, too (`ResidualProblem.surrogate_covers`): the scatter of rollers would
-        # make another column of it, beside which the effect itself would seem to be new.
+        # Where the search simulates it (`ResidualProblem.surrogate_covers`): the scatter of rollers would make
+        # another column of it, beside which the effect itself would seem to be new.
         covered = simulators.planar is None or CATALOGUE[chosen.names[0]].acts_in("planar")
         moved, step = np.array(place), _PROBE if covered else _ROLLER_PROBE
         moved[0] += step if place[0] <= 0.5 + 1e-9 else -step

@@ -2,8 +2,9 @@
 
 What an effect would do to first order is among the model's own error, as far as the logs of the fit leave it
 open (`sysid.compare.model_error.suspects`). That is not so of a ripple, whose phase differs from run to run,
-nor of a limit, a threshold or a curve (`without_first_order`). A model of other rollers, with another servo, lacks
-some of each. So these effects are tried in the logs of the fit, too, at whatever size fits best there.
+nor of a limit, a threshold or a curve (`without_first_order`). A model of other rollers, with another
+servo, lacks some of each. So these effects are tried in the logs of the fit, too, at whatever size fits best
+there.
 
 If an effect is only what the model lacks, each command sequence shows a part of it by chance, and the mean
 squares of two sets of m and n sequences have a ratio with the F distribution of m and n degrees of freedom.

@@ -43,7 +43,7 @@ def suspect_columns(model: Model, scale: Scale, simulators: Simulators, at: Mode
     """
     columns = []
     for chosen, place in _trials(model, scale):
-        # Where the search simulates it (`ResidualProblem.surrogate_covers`): the scatter of rollers would make
+        # Where the search simulates it (`ResidualProblem.surrogate_covers`): the scatter of rollers would be
         # another column of it, beside which the effect itself would seem to be new.
         covered = simulators.planar is None or CATALOGUE[chosen.names[0]].acts_in("planar")
         moved, step = np.array(place), _PROBE if covered else _ROLLER_PROBE

@@ -108,6 +108,11 @@ NAMED = Facts(
             "unexplained",
             "a smooth function",
         ),
+        (
+            {"free": a_set(-80.0, "free_term"), "allowed": 20.0, "removed": 0.4, "p_misfit": 0.5},
+            "no_gap",
+            "a smooth function of command, speed and time predicts",
+        ),
         ({"free": a_set(-80.0, "free_term"), "allowed": 20.0, "removed": 0.6}, "named", "not only that"),
         ({"free": a_set(-65.0, "free_term"), "allowed": 20.0}, "named", ""),
         ({"adequate": False}, "unexplained", ""),

@@ -249,11 +249,13 @@ def _law_fits_better(facts: Facts) -> Outcome | None:
 def _free_term_is_better(facts: Facts) -> Outcome | None:
     """Unexplained: a smooth function predicts runs that are left out better than the formulas may err.
 
-    A set that removes most of the difference keeps its name: it is not all, and the report says so.
+    A set that removes most of the difference keeps its name: it is not all, and the report says so. No gap
+    where the whole residual is what a right model leaves: of that, a smooth function describes a part, too.
     """
     reason = _more_than_named(facts)
-    is_most = facts.removed >= THRESHOLDS.most_of_it
-    return _unexplained(facts, reason) if reason and not is_most else None
+    if not reason or facts.removed >= THRESHOLDS.most_of_it:
+        return None
+    return Outcome("no_gap", (reason,)) if _may_be_noise(facts) else _unexplained(facts, reason)
 
 
 def _more_than_named(facts: Facts) -> str:

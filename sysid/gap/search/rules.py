@@ -113,13 +113,21 @@ def _within_own_error(facts: Facts) -> Outcome | None:
     Each effect of a set must, since each of two that chance makes up takes its share, and so must each number
     of a curve that no cause is behind. Where repeats in the logs of the fit show what chance does and what
     varies from run to run, what is significant is no chance: of 60 drawn drives in which nothing had changed
-    (python -m sysid.studies.zoo --driven same, bench seeds 700-799, 850-899, 1200-1249) none was.
+    (python -m sysid.studies.zoo --driven same, bench seeds 700-799, 850-899, 1200-1249) none was. In other
+    commands than those of a robot's fit, what each effect does is known to first order only.
     """
-    gain = facts.gain if facts.chosen else 0.0
-    each = THRESHOLDS.least_familiar_gain if facts.floor.familiar else THRESHOLDS.least_gain
-    least = each * _shares(facts.chosen)
-    compared = facts.floor.compared and not (facts.floor.knows_all or facts.floor.calibrated)
-    if not compared or facts.is_plain or gain >= least:
+    floor, gain = facts.floor, facts.gain if facts.chosen else 0.0
+    if not floor.compared or floor.calibrated or facts.is_plain:
+        return None
+    if floor.knows_all:
+        known = floor.familiar or facts.chosen is None
+        return (
+            None
+            if known or gain >= THRESHOLDS.least_elsewhere
+            else Outcome("no_gap", (_hardly_lowers(facts),))
+        )
+    each = THRESHOLDS.least_familiar_gain if floor.familiar else THRESHOLDS.least_gain
+    if gain >= each * _shares(facts.chosen):
         return None
     if facts.chosen is None:
         return Outcome("no_gap", ("the difference is no larger than the model's own error may be",))

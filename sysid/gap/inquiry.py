@@ -29,7 +29,7 @@ from sysid.gap.search.beyond_fit import beyond_fit, ripples_beyond_fit
 from sysid.gap.search.decision import Decision, decide, explore
 from sysid.gap.search.responses import Library, responses
 from sysid.gap.search.sets import Search
-from sysid.gap.search.since import Completion, completed, since_of
+from sysid.gap.search.since import Completion, completed, since_of, since_of_robot
 from sysid.gap.search.study_data import StudyData, study_data
 from sysid.gap.search.thresholds import BESIDE_FIT_OF_ROBOT, EFFORT
 from sysid.logs import Dataset
@@ -227,12 +227,15 @@ def _lasting_note(item: tuple[str, float]) -> str:
 def _since(data: StudyData, problem: ResidualProblem, decision: Decision) -> Mapping[str, Since]:
     """Return what the logs of the fit, where these are known, say of the effects of the best set.
 
-    Of a robot, and where the commands of the fit are driven again, what every effect does in the logs of the
-    fit is taken off: what is found came later.
+    Where the commands of the fit are driven again, what every effect does in the logs of the fit is taken
+    off: what is found came later.
     """
     chosen = decision.facts.chosen
     if chosen is None:
         return {}
-    if problem.knows_all or data.repeated is not None:
+    if data.repeated is not None:
         return dict.fromkeys(chosen.names, "new")
-    return {} if data.learned is None else since_of(problem, data.learned, chosen.fitted)
+    if data.learned is None:
+        return {}
+    dated = since_of_robot if problem.knows_all else since_of
+    return dated(problem, data.learned, chosen.fitted)

@@ -57,6 +57,24 @@ def since_of(problem: ResidualProblem, learned: Learned, chosen: Fitted[EffectSe
     return found
 
 
+def since_of_robot(problem: ResidualProblem, learned: Learned, chosen: Fitted[EffectSet]) -> dict[str, Since]:
+    """Return for each effect of a set, fitted to a robot's `problem`, whether the logs of its fit exclude it.
+
+    What they show of every effect is taken off, so that none was there already. But where they say nothing
+    of it, as of a limit that they never reach, the robot may have had it before.
+    """
+    settings = learned.simulators.full.settings
+    of_fit = ResidualProblem(learned.model, learned.whitener, settings, learned.simulators, learned)
+    before = _cost(of_fit, learned.model)
+    values = chosen.candidate.model(problem.base, chosen.place).effects
+    found: dict[str, Since] = {}
+    for name in chosen.names:
+        own = EffectSet((name,), ()).model(learned.model, ()).with_effect(name, **values[name])
+        rise = _cost(of_fit, own) - before
+        found[name] = "new" if rise > THRESHOLDS.tie_sigmas**2 else "unknown"
+    return found
+
+
 def _cost(problem: ResidualProblem, model: Model) -> float:
     """Return the cost of a model in the logs of a `problem`, infinite if it cannot be simulated."""
     residual = problem.residual(model)

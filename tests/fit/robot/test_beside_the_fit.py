@@ -9,16 +9,18 @@ import numpy as np
 import pytest
 
 from mecanum_env.model import Model, paper_model
-from sysid.compare.least_squares import ResidualProblem, base_fit
+from sysid.compare.least_squares import Fitted, ResidualProblem, base_fit
 from sysid.compare.measured import observe
 from sysid.compare.model_error import Learned, Whitener, learn
 from sysid.compare.predicted import SimulationSettings
+from sysid.compare.search_space import EffectSet, effect_set
 from sysid.gap.search.beyond_fit import beyond_fit, largest_ratio, without_first_order
 from sysid.gap.search.chance import Floor, smallest_detectable
 from sysid.gap.search.decision import _inflation
 from sysid.gap.search.responses import Library, responses
 from sysid.gap.search.scores import group_masks, rises
 from sysid.gap.search.sets import EMPTY, Search
+from sysid.gap.search.since import since_of_robot
 from sysid.gap.search.thresholds import BESIDE_FIT_OF_ROBOT
 from sysid.logs import Dataset
 
@@ -162,6 +164,27 @@ def test_what_may_act_for_the_first_time_where_the_robot_goes_faster(unchanged: 
     assert {response.effect for response in library} == set(names)
     # A soft knee has a first order, and is a limit nevertheless; a curve may be one.
     assert without_first_order(library) == {"speed_saturation", "static_map"}
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "since"),
+    [
+        ("speed_gain", {"gain": 0.9}, "new"),
+        ("speed_saturation", {"limit_rpm": 20.0}, "new"),
+        ("speed_saturation", {"limit_rpm": 130.0}, "unknown"),
+    ],
+)
+def test_an_effect_of_a_robot_is_new_only_if_the_logs_of_its_fit_exclude_it(
+    unchanged: ResidualProblem, learned: Learned, name: str, values: dict[str, float], since: str
+) -> None:
+    top = max(float(np.max(np.abs(block.value))) for block in learned.whitener.observations.blocks)
+    assert 20.0 < top < 130.0
+    whole = effect_set(unchanged.base, [name], scale=unchanged.settings.scale)
+    one = EffectSet((name,), tuple(c for c in whole.coordinates if c.parameter in values), whole.fixed)
+    place = np.array([c.unit(values[c.parameter]) for c in one.coordinates])
+    residual = np.zeros(unchanged.size)
+    chosen = Fitted(one, place, residual, np.zeros((unchanged.size, place.size)))
+    assert since_of_robot(unchanged, learned, chosen) == {name: since}
 
 
 def test_an_error_of_few_sequences_may_be_much_larger_in_others(robot_logs: MakeLogs) -> None:

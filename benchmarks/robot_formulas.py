@@ -64,7 +64,7 @@ HEAD: Final = ("robot", "hidden", "signal", "beyond the best single effect", "be
 
 
 def main(
-    robots: int = 8,
+    robots: int = 4,
     first_seed: int = 64,
     out: Path = Path("out/robot_formulas"),
     markdown: Path | None = None,
@@ -73,7 +73,7 @@ def main(
 
     An interrupted run goes on where it was, unless the code has changed since.
 
-    Example: python benchmarks/robot_formulas.py --robots 4
+    Example: python benchmarks/robot_formulas.py --robots 8
 
     Args:
         robots: Number of robots with one hidden effect of a clear size.

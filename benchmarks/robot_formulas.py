@@ -22,7 +22,7 @@ from recordings import print_page, written
 
 from mecanum_env.cli import run
 from mecanum_env.errors import require_at_least
-from mecanum_env.files import write_json
+from mecanum_env.files import plain_json, write_json
 from mecanum_env.markdown import markdown_table
 from mecanum_env.model import cause_of
 from mecanum_env.parallel import one_thread
@@ -100,7 +100,7 @@ def _kept(seed: int, folder: Path) -> Left:
     path = folder / f"robot-{seed:04d}.json"
     if not path.is_file():
         with TemporaryDirectory() as made:
-            write_json(path, asdict(_measured(seed, Path(made))))
+            write_json(path, plain_json(asdict(_measured(seed, Path(made)))))
         print(f"robot {seed} is measured", file=sys.stderr, flush=True)
     entry = read_json(path)
     shares = {key: math.nan if entry[key] is None else entry[key] for key in ("beside_single", "beside_best")}
@@ -136,9 +136,10 @@ def left(hidden: str, base: float, costs: dict[tuple[str, ...], float]) -> tuple
     """
     alone = {names: cost for names, cost in costs.items() if len(names) == 1}
     right = min((cost for (name,), cost in alone.items() if cause_of(name) == hidden), default=math.nan)
-    return _share(right, min(alone.values(), default=base), base), _share(
-        right, min(costs.values(), default=base), base
+    beside_single, beside_best = (
+        _share(right, min(better.values(), default=base), base) for better in (alone, costs)
     )
+    return beside_single, beside_best
 
 
 def _share(right: float, best: float, base: float) -> float:

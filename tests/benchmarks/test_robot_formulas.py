@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import pytest
@@ -29,6 +30,18 @@ def test_what_the_hidden_effect_leaves_is_relative_to_what_the_better_one_explai
 def test_an_effect_that_was_not_fitted_leaves_nothing_that_is_known(formulas: ModuleType) -> None:
     assert all(map(math.isnan, formulas.left("backlash", 1000.0, {})))
     assert all(map(math.isnan, formulas.left("backlash", 1000.0, {("stiction",): 200.0})))
+
+
+def test_a_case_is_kept_also_where_its_effect_was_not_fitted(
+    formulas: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    made = formulas.Left(64, "backlash", 2.0, math.nan, math.nan)
+    monkeypatch.setattr(formulas, "_measured", lambda *_: made)
+    first = formulas._kept(64, tmp_path)
+    monkeypatch.setattr(formulas, "_measured", None)
+    again = formulas._kept(64, tmp_path)
+    assert (first.seed, first.hidden) == (again.seed, again.hidden) == (64, "backlash")
+    assert math.isnan(again.beside_single)
 
 
 def test_the_page_counts_what_the_thresholds_cover(formulas: ModuleType) -> None:

@@ -173,7 +173,7 @@ def test_friction_is_no_repetition_of_the_dead_zone_that_looks_like_it(search: A
 
     search.shared = lambda *_: search.base
     dead, rubbing = one("command_deadband/subtract", 1, 100.0), one("coulomb_friction", 2, 101.0)
-    late, asymmetric = one("sensor_latency", 1, 102.0), one("direction_asymmetry", 2, 103.5)
+    late, asymmetric = one("sensor_latency", 1, 102.0), one("direction_asymmetry", 2, 103.0)
     # All four predict the same; of those with two parameters friction alone may be the truth.
     assert tied(search, FLOOR, dead, [dead, rubbing, late, asymmetric], 1.0) == (dead, rubbing, late)
 

@@ -198,8 +198,8 @@ class ResidualProblem:
     def residual_near(self, at: Model) -> ResidualOf | None:
         """Return the whitened residual (N,) as a function of models that are nearly the model `at`.
 
-        Their runs start where in the gap those of that one do, which takes a fifth of the time of looking for
-        these places again. None if there is nothing to look for.
+        Their runs start where in the gap those of that one do, instead of looking for these places again,
+        which takes several simulations. None if there is nothing to look for.
         """
         if not self.bench:
             return None

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -76,18 +76,18 @@ def gap_beside_fit(
     return differences(dataset, beside_fit, fitted_on, noise_factor)[0]
 
 
+@dataclass(frozen=True, eq=False)
 class _Shifted:
     """The residuals of a run of the fit on the clock of a new run."""
 
-    def __init__(self, residuals: Channels, time_s: FloatArray) -> None:
-        self.residuals = residuals
-        self._time_s = time_s
+    residuals: Channels
+    time_s: FloatArray
 
     def at(self, part: Samples) -> FloatArray:
         """Return the residual in the channel of some samples at their times; NaN beyond the run."""
         values = self.residuals[part.channel]
         measured = np.isfinite(values)
-        at: FloatArray = np.interp(part.time_s, self._time_s[measured], values[measured], np.nan, np.nan)
+        at: FloatArray = np.interp(part.time_s, self.time_s[measured], values[measured], np.nan, np.nan)
         return at
 
 

@@ -55,7 +55,6 @@ def gap_table(report: GapReport) -> str:
     hidden_names = _shortened(hidden, _MOST_NAMES)
     rows = [
         ("gap", _gap(report)),
-        ("beside fit", _beside_fit(report)),
         ("channels", _shortened(channels, _MOST_CHANNELS) if len(channels) > 1 else ""),
         ("where most", "; ".join(_place(found) for found in concentrations(report, most=2))),
         ("missing", "; ".join(_effect(found) for found in report.effects)),
@@ -71,14 +70,15 @@ def gap_table(report: GapReport) -> str:
 
 
 def _gap(report: GapReport) -> str:
-    return f"{_change(report.gap)} on {compared_runs(report)}{_closed(report, report.gap)}"
+    plain = f"{_change(report.gap)} on {compared_runs(report)}{_closed(report, report.gap)}"
+    return "; ".join(filter(None, (plain, _beside_fit(report))))
 
 
 def _beside_fit(report: GapReport) -> str:
     beside = report.gap_beside_fit
     if beside is None:
         return ""
-    return f"{_change(beside)} without the model's error in the logs of its fit{_closed(report, beside)}"
+    return f"beside the logs of the fit {_change(beside)}{_closed(report, beside)}"
 
 
 def _closed(report: GapReport, gap: Difference) -> str:

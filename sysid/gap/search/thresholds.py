@@ -97,9 +97,9 @@ class Thresholds:
     commands that a robot's fit did not drive: it may act there for the first time. Calibrated on drawn robots
     beside the logs of their fits (python benchmarks/calibration.py): where nothing had changed such effects
     promise 0.037 at most (robot 11 of the zoo), a hidden limit of the body's speed 0.057 (40). A backlash of
-    0.011 (31) is lost, as are smaller ones. Any other set must lower it by as much there: beyond their first
-    order effects are not among the model's own error, so that three quiet robots (docs/results/zoo.md) were
-    named some that lowered it by 0.01 to 0.04."""
+    0.011 (31) is lost, as are smaller ones. Any other set must lower the cost of the model as it is by
+    this share there: beyond their first order effects are not among the model's own error, so that three
+    quiet robots (docs/results/zoo.md) were named some that lowered it by less."""
     above_noise: float = 4.0
     """Mean squared error, in noise variances, too large to be the model's own even if nothing states that.
     Calibrated: laws leave 1.9 in the example's logs that they were fitted to, and 11, 29 and 73 in recordings

@@ -13,7 +13,7 @@ from sysid.gap import GapOptions, analyse
 from sysid.gap.report.held_out import Comparison, differences, overlays
 from sysid.gap.report.output import gap_json, gap_table
 from sysid.gap.report.samples import HeldCommand, Samples
-from sysid.gap.result import Difference, FoundEffect, GapReport, Interval
+from sysid.gap.result import Difference, FoundEffect, GapReport, Interval, Untestable
 from sysid.gap.wording import (
     closure,
     concentrations,
@@ -97,6 +97,21 @@ def test_terminal_and_file_say_the_same_sentence_in_ten_lines(
     assert gap_json(report)["sentence"] == verdict_sentence(report)
     assert 4 <= len(lines) <= 10
     assert lines[-1].startswith("next")
+
+
+def test_ten_lines_hold_the_next_step_and_what_is_gone_beside_the_logs_of_the_fit(ambiguous: GapReport):
+    report = replace(
+        ambiguous,
+        gap_beside_fit=Difference("rpm", 4.0, 1.2, 1.0),
+        untestable=(Untestable("payload", "a wheel in the air has none", {}),),
+        notes=("a note",),
+    )
+    lines = gap_table(report).splitlines()
+    assert len(lines) <= 10
+    assert lines[-1].startswith("next ")
+    assert "beside the logs of the fit 4 -> 1.2 rpm (noise 1); 93% of what is above noise is gone" in lines[1]
+    assert gap_json(report)["gap_beside_fit"]["closed"] == pytest.approx(2.8 / 3.0)
+    assert gap_json(ambiguous)["gap_beside_fit"] is None
 
 
 def test_the_sentences_name_what_was_found(every_report: dict[str, GapReport]):

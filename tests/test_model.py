@@ -250,6 +250,11 @@ BAD_VALUES = [
         "uncertainty.effects.backlash.gap_deg.low = 2, must be at most high = 1",
     ),
     ("uncertainty.model_error", 1, "uncertainty.model_error must be a JSON object, not int"),
+    (
+        "uncertainty.commands_between_rows",
+        {"late_s": -1.0},
+        "uncertainty.commands_between_rows.late_s = -1",
+    ),
     ("uncertainty.model_error", {}, "uncertainty.model_error.channels must be a JSON object, not NoneType"),
     (
         "uncertainty.model_error",

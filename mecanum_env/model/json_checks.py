@@ -80,7 +80,8 @@ def uncertainty_from_dict(value: Any) -> Mapping[str, Any]:
     - `adopted.covariance`: the same of parameters of effects that studies added, and `adopted.new`, a list of
       those effects that are newer than the logs of the fit;
     - `model_error.channels.CHANNEL`: `settled`, `transient`, `correlation_s`, or null (see
-      `sysid.compare.model_error`).
+      `sysid.compare.model_error`);
+    - `commands_between_rows.late_s`: see `sysid.compare.links`.
 
     Raises:
         InputError: the section or one of these values is something else; the message names the field.
@@ -99,6 +100,9 @@ def uncertainty_from_dict(value: Any) -> Mapping[str, Any]:
             place = f"{where}.channels.{name}"
             for key in ("settled", "transient", "correlation_s"):
                 _not_negative(f"{place}.{key}", mapping(place, errors).get(key))
+    if section.get("commands_between_rows") is not None:
+        where = "uncertainty.commands_between_rows"
+        _not_negative(f"{where}.late_s", mapping(where, section["commands_between_rows"]).get("late_s"))
     return section
 
 

@@ -10,8 +10,15 @@ from mecanum_env.errors import InputError
 from mecanum_env.kinematics import require_mecanum
 from mecanum_env.law.stability import POLE_LIMIT
 from mecanum_env.model import Model
-from sysid.fit.drive import LawFit, fit_law, latency, wheel_model
-from sysid.fit.effects import DriveEffects, find_drive_effects
+from sysid.fit.drive import (
+    LawFit,
+    fit_law,
+    latency,
+    wheel_model,
+    with_times_by,
+    with_times_of_commands,
+)
+from sysid.fit.effects import DriveEffects, HeldOut, find_drive_effects
 from sysid.fit.options import FitOptions
 from sysid.fit.robot import RobotFit, find_robot_effects, robot_of, wheels_at_rest
 from sysid.logs import Dataset
@@ -20,6 +27,10 @@ from sysid.progress import Progress, silent, within
 _SLOWEST: Final = 2.0
 """Longest time constant of a pole beside effects, in the longest time for which a command is held. After as
 long as one time constant 63 % of a response are seen; of twice that, 39 %. Assumed."""
+
+_TIMED: Final = 0.5
+"""Error with a time for each change of the command, relative to that without, below which these are adopted.
+They are estimated from the very runs that judge them, so that they lower any error. Assumed."""
 
 
 @dataclass(frozen=True)
@@ -49,14 +60,47 @@ def fit_dataset(dataset: Dataset, options: FitOptions | None = None, progress: P
     if not dataset.split("fit"):
         raise InputError(f'{dataset.name}: no run has split = "fit"; set one in dataset.toml')
     law = fit_law(dataset, options, progress)
-    found = Fit(**vars(law))
-    if dataset.level == "bench" and options.effects == "auto":
-        # Beside the delays of the link, if it has such, since these are no effect of the drive.
-        found = _with_drive_effects(found, progress)
+    found = _beside_law(law, progress)
+    if dataset.level == "bench" and options.delay_s is None:
+        found = _with_times(law, found, progress)
     if dataset.level == "robot":
         found = _with_robot(found, progress)
     heavy = tuple(one.note(channel) for channel, one in found.tails.items())
     return replace(found, notes=(*heavy, *found.notes))
+
+
+def _beside_law(law: LawFit, progress: Progress) -> Fit:
+    """Return the fit to bench logs with the effects of the drive, if these are wanted."""
+    found = Fit(**vars(law))
+    if law.dataset.level != "bench" or law.options.effects == "off":
+        return found
+    return _with_drive_effects(found, progress)
+
+
+def _with_times(law: LawFit, plain: Fit, progress: Progress) -> Fit:
+    """Return the fit with each change of the command at a time of its own, if that is much better.
+
+    Friction and limits delay some changes more than others. Such times must therefore be worth it beside
+    the effects of the drive, too. Times between rows are estimated once more with the effects.
+    """
+    timed = with_times_of_commands(law, progress)
+    if timed is law:
+        return plain
+    found = _beside_law(replace(timed, tails=law.tails), progress)
+    if found.drive_effects is not None and found.link is not None and not found.link.delays.spread_s:
+        again = with_times_by(found.drive_effects.model, timed, law, progress)
+        again = _beside_law(replace(again, tails=law.tails), progress)
+        found = min(found, again, key=_held_out_rpm)
+    return found if _held_out_rpm(found) < _TIMED * _held_out_rpm(plain) else plain
+
+
+def _held_out_rpm(fit: Fit) -> float:
+    """Return the error of a fit to bench logs on the validation runs [rpm], as that of effects is told."""
+    if fit.drive_effects is not None:
+        return fit.drive_effects.after_rpm
+    found = fit.estimate
+    model = Model(wheel_model(fit.path, found), fit.options.robot, latency(found))
+    return HeldOut.of(fit.dataset).errors(model)[1]
 
 
 def _with_drive_effects(fit: Fit, progress: Progress) -> Fit:

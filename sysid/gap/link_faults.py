@@ -68,9 +68,7 @@ class _Found:
 
 def as_given(report: GapReport, logs: AlignedLogs) -> GapReport:
     """Return the report on aligned logs as that on the logs and the model as they were given."""
-    note = (
-        f"{logs.note} (model: {logs.said}); compared is what is left with the delay of each change as found"
-    )
+    note = f"{logs.note} (model: {logs.said}); compared is what is left with the time of each change as found"
     return replace(
         report,
         model=logs.as_stated(report.model),

@@ -17,8 +17,19 @@ import numpy as np
 
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
-from sysid.compare.links.delays import LinkClock, LinkDelays, link_delays
-from sysid.compare.links.in_model import JITTER, LOSS, delay_of, on_time, said, varied, varies
+from sysid.compare.links.changes import means_over_ticks
+from sysid.compare.links.delays import LinkClock, LinkDelays, delays_between_rows, link_delays
+from sysid.compare.links.in_model import (
+    JITTER,
+    LOSS,
+    delay_of,
+    late_between_rows,
+    on_time,
+    said,
+    varied,
+    varies,
+    with_stamps,
+)
 from sysid.logs import BenchCommand, Dataset, Run
 
 _SPEED: Final = "speed_rpm"
@@ -39,14 +50,17 @@ class AlignedLogs:
     clock: LinkClock
     period_s: float
     """Period of the clock on which the moved changes lie [s]."""
+    logs: Dataset
+    """The logs as they are."""
 
     @classmethod
     def of(cls, dataset: Dataset, given: Model, clock: LinkClock, delays: LinkDelays) -> AlignedLogs:
         """Return bench logs with each change of command moved by its delay beyond the common one.
 
-        Moved changes lie on a fine clock and have a row of their own, without samples. Lost changes are left
+        Moved changes lie on a fine clock and have a row of their own, without samples; those from between
+        rows, whose times are found more finely, have their means over the law's ticks. Lost changes are left
         out. Samples count less where the speed follows from a delay that is not sure. A run that begins with
-        a change begins earlier, at rest. Runs are no repeats any more.
+        a change begins earlier, at rest. Runs whose changes acted at different times are no repeats any more.
 
         Args:
             dataset: the logs.
@@ -54,20 +68,26 @@ class AlignedLogs:
             clock: what is known of their link.
             delays: of their changes, as `link_delays` finds them on that clock.
         """
-        period_s = clock.period_s(delays.mean_s)
-        return cls(_moved(dataset, delays, period_s), delays, given, clock, period_s)
+        between = late_between_rows(given) is not None
+        period_s = clock.tick_s if between else clock.period_s(delays.mean_s)
+        moved = _moved(dataset, delays, period_s, within_ticks=between)
+        return cls(moved, delays, given, clock, period_s, dataset)
 
     @classmethod
     def stated(cls, dataset: Dataset, given: Model) -> AlignedLogs | None:
-        """Return bench logs aligned, if the `given` model says that their link jitters or loses commands.
+        """Return bench logs aligned, if the `given` model says that their changes act at times of their own.
 
-        A jitter of the stated size makes no change far later than the others. What does, such as a gap in a
-        gear at reversals, is left to be found.
+        It says so if their link jitters or loses commands, or if they show commands in the first row after
+        these were given. A jitter of the stated size makes no change far later than the others. What does,
+        such as a gap in a gear at reversals, is left to be found.
         """
-        if dataset.level != "bench" or not varies(given):
+        between = late_between_rows(given) is not None
+        if dataset.level != "bench" or not (varies(given) or between):
             return None
         clock = LinkClock.of(given)
-        delays = link_delays(given, dataset.runs, clock)
+        delays = _delays(given, dataset.runs, clock)
+        if between:
+            return cls.of(dataset, given, clock, delays)
         if LOSS not in given.effects:
             most_s = _FARTHEST * given.effects[JITTER]["jitter_s"]
             near_s = np.clip(delays.delay_s, delays.mean_s - most_s, delays.mean_s + most_s)
@@ -86,6 +106,11 @@ class AlignedLogs:
     def note(self) -> str:
         """What the delays are, in a sentence without its full stop."""
         found = self.delays
+        if late_between_rows(self.given) is not None:
+            return (
+                "the log shows each command in the first row after it was given: the time of each of the "
+                f"{len(found.changes)} changes is estimated, between that row and the one before"
+            )
         lost = f", and {found.loss:.0%} of the changes never act" if found.lost.any() else ""
         return (
             f"each change of the command acts at a time of its own: {found.mean_s * 1e3:.0f} ms late with a "
@@ -105,17 +130,26 @@ class AlignedLogs:
         if other.level != "bench":
             return other
         if delays is None:
-            delays = link_delays(self.given, other.runs, self.clock)
-        return _moved(other, delays, self.period_s)
+            delays = _delays(self.given, other.runs, self.clock)
+        return _moved(other, delays, self.period_s, within_ticks=late_between_rows(self.given) is not None)
 
     def as_stated(self, model: Model) -> Model:
         """Return a model of these logs as one of the logs as they were, with the given model's link."""
         effects = self.given.effects
-        return self.through_link(
+        described = self.through_link(
             model,
             jitter_s=effects.get(JITTER, {}).get("jitter_s"),
             share=effects.get(LOSS, {}).get("share"),
         )
+        return with_stamps(described, late_between_rows(self.given))
+
+    def as_fitted(self, model: Model) -> Model:
+        """Return a model that was fitted to these logs as one of the logs as they were."""
+        if late_between_rows(self.given) is None:
+            return self.through_link(model, jitter_s=self.delays.spread_s)
+        described = self.as_stated(model)
+        found = delays_between_rows(described, self.logs.runs, LinkClock.of(described))
+        return with_stamps(described, found.mean_s)
 
     def through_link(
         self,
@@ -134,29 +168,51 @@ class AlignedLogs:
         return varied(model, period_s, jitter_s=jitter_s, delay_s=delay_s, share=share)
 
 
-def _moved(dataset: Dataset, found: LinkDelays, period_s: float) -> Dataset:
-    runs = []
+def _delays(given: Model, runs: Sequence[Run], clock: LinkClock) -> LinkDelays:
+    """Return the delays of all changes in bench runs, of the kind that the `given` model says."""
+    late_s = late_between_rows(given)
+    if late_s is None:
+        return link_delays(given, runs, clock)
+    # Later commands would pass for others that were given later, if these logs could tell how late they are.
+    found = delays_between_rows(given, runs, clock, late_s)
+    return replace(found, mean_s=delay_of(given))
+
+
+def _moved(dataset: Dataset, found: LinkDelays, period_s: float, *, within_ticks: bool) -> Dataset:
+    runs: list[Run] = []
     for index, run in enumerate(dataset.runs):
         own = [i for i, change in enumerate(found.changes) if change.run == index]
-        runs.append(_moved_run(run, index, found, own, period_s))
-    return replace(dataset, runs=tuple(runs))
+        runs.append(_moved_run(run, index, found, own, period_s, within_ticks))
+    arrivals: dict[str, set[tuple[int, ...]]] = {}
+    for before, run in zip(dataset.runs, runs, strict=True):
+        times = np.rint((run.command_changes()[0] - run.time_s[0]) / period_s).astype(int)
+        arrivals.setdefault(before.group, set()).add(tuple(times.tolist()))
+    apart = [len(arrivals[run.group]) > 1 for run in runs]
+    named = (replace(r, group=f"{r.group}, {r.file}") if a else r for r, a in zip(runs, apart, strict=True))
+    return replace(dataset, runs=tuple(named))
 
 
-def _moved_run(run: Run, index: int, found: LinkDelays, own: Sequence[int], period_s: float) -> Run:
-    renamed = replace(run, group=f"{run.group}, {run.file}")
+def _moved_run(
+    run: Run, index: int, found: LinkDelays, own: Sequence[int], period_s: float, within_ticks: bool
+) -> Run:
     acting = [i for i in own if not found.lost[i]]
     if not own:
-        return renamed
+        return run
     moved = np.array([found.changes[i].given_s + found.delay_s[i] - found.mean_s for i in acting])
     lead = period_s * math.ceil(max(0.0, -float(moved.min(initial=0.0))) / period_s + 1.0)
     if found.changes[own[0]].given_s > 2.0 * lead:
         lead = 0.0
-    # On the clock, each at least one period after the one before.
-    slots = np.rint((moved + lead) / period_s).astype(int)
-    slots = np.maximum(np.maximum.accumulate(slots - np.arange(slots.size)) + np.arange(slots.size), 1)
-    arrivals = slots * period_s
     levels = np.array([found.changes[own[0]].before_rpm, *(found.changes[i].after_rpm for i in acting)])
     stamps = run.time_s + lead
+    if within_ticks:
+        at_s = np.maximum.accumulate(moved + lead)
+        ticks, levels = means_over_ticks(at_s, levels, period_s, float(stamps[-1]))
+        arrivals = ticks[1:]
+    else:
+        # On the clock, each at least one period after the one before.
+        slots = np.rint((moved + lead) / period_s).astype(int)
+        slots = np.maximum(np.maximum.accumulate(slots - np.arange(slots.size)) + np.arange(slots.size), 1)
+        arrivals = slots * period_s
     near = np.abs(stamps[np.clip(np.searchsorted(stamps, arrivals), 0, stamps.size - 1)] - arrivals) < 1e-9
     extra = arrivals[~near & (arrivals < stamps[-1])]
     extra = np.concatenate([[0.0], extra]) if lead > 0.0 else extra
@@ -169,7 +225,7 @@ def _moved_run(run: Run, index: int, found: LinkDelays, own: Sequence[int], peri
     sure = run.weights.get(_SPEED, np.ones(run.time_s.size)) / (1.0 + found.unsure[index])
     weights = {_SPEED: np.append(sure, np.ones(extra.size))[order]}
     command = BenchCommand(levels[np.searchsorted(arrivals, times + 1e-9, side="right")])
-    return replace(renamed, time_s=times, command=command, channels=channels, weights=weights)
+    return replace(run, time_s=times, command=command, channels=channels, weights=weights)
 
 
 def _held(values: FloatArray) -> FloatArray:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from mecanum_env.units import FloatArray
 from sysid.compare.measured import COMMAND_STEP_RPM, start_of
 from sysid.logs import Run
 
@@ -29,13 +31,20 @@ class Change:
     """When the command was given, from the start of the run [s]."""
     before_rpm: float
     after_rpm: float
+    within_s: float = 0.0
+    """Time after `given_s` within which it was given [s]; 0: it was given then."""
+    stamped_s: float = 0.0
+    """By how much later than `given_s` the log says that it was given [s]."""
 
 
-def changes_of(runs: Sequence[Run], clock_s: float | None) -> tuple[Change, ...]:
+def changes_of(
+    runs: Sequence[Run], clock_s: float | None, *, between_rows: bool = False
+) -> tuple[Change, ...]:
     """Return the changes of the command in bench runs.
 
     A first command other than the wheel's speed is a change, too. Commands are given as stamped or, where the
-    drive looks for them every `clock_s` [s], as by `Run.held_since`.
+    drive looks for them every `clock_s` [s], as by `Run.held_since`; with `between_rows` at any time since
+    the row before the one that shows them.
     """
     found = []
     for index, run in enumerate(runs):
@@ -47,6 +56,29 @@ def changes_of(runs: Sequence[Run], clock_s: float | None) -> tuple[Change, ...]
                 # A wheel that is running already follows its first command.
                 level = value
             if abs(value - level) > COMMAND_STEP_RPM:
-                found.append(Change(index, float(since[row]), level, value))
+                stamp = float(since[row])
+                if between_rows and row > 0:
+                    before = float(run.time_s[row - 1])
+                    within = float(run.time_s[row]) - before
+                    found.append(Change(index, before, level, value, within, stamp - before))
+                else:
+                    found.append(Change(index, stamp, level, value))
                 level = value
     return tuple(found)
+
+
+def means_over_ticks(
+    at_s: FloatArray, levels_rpm: FloatArray, tick_s: float, end_s: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return a command as a law sees it that changes within ticks: times [s] and means over ticks, (m,).
+
+    That is exact for a law, whose response to the mean over a tick is that to a change within it. The command
+    changes at `at_s` [s], (n,), and is at levels [rpm], (n + 1,), the first one from 0 on. Only the ticks
+    until `end_s` [s] at which its mean changes are returned, and the first.
+    """
+    ticks = tick_s * np.arange(math.ceil(end_s / tick_s) + 2)
+    ends = np.concatenate([[0.0], at_s, [max(float(ticks[-1]), float(np.max(at_s, initial=0.0))) + tick_s]])
+    whole = np.concatenate([[0.0], np.cumsum(levels_rpm * np.diff(ends))])
+    mean = np.round(np.diff(np.interp(ticks, ends, whole)) / tick_s, 6)
+    changes = np.append(True, np.abs(np.diff(mean)) > 1e-5)
+    return ticks[:-1][changes], mean[changes]

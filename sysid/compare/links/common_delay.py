@@ -51,11 +51,15 @@ class CommonDelay:
         best, spread = max(tried, key=lambda pair: float(pair[0].max()))
         return cls(float(GRID_S[int(np.argmax(best))]), spread)
 
+    def log_likelihood(self, likelihood: FloatArray) -> float:
+        """Return the logarithm of the likelihood of all changes, given that of each at each delay."""
+        total = _marginal(likelihood, [self.spread_s])[0]
+        return float(total[round(self.mean_s / STEP_S)])
+
     def weights(self, likelihood: FloatArray) -> FloatArray:
         """Return the probability of each delay of the grid (columns) for each change, by its `likelihood`."""
-        row = _prior(self.spread_s)[round(self.mean_s / STEP_S)]
         with np.errstate(divide="ignore"):
-            weight = likelihood + np.log(row)
+            weight = likelihood + np.log(_prior(self.spread_s)[round(self.mean_s / STEP_S)])
         weight = np.exp(weight - weight.max(axis=1, keepdims=True))
         return np.asarray(weight / weight.sum(axis=1, keepdims=True))
 

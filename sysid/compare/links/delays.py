@@ -2,33 +2,39 @@
 
 The delays of single changes (`sysid.compare.links.single_changes`), what they have in common
 (`sysid.compare.links.common_delay`) and the prediction of the logs are improved in turns. Delays that go with
-the size or the direction of a change are no jitter; a spread counts only if it remains beside them.
+the size or the direction of a change are no jitter; a spread counts only if it remains beside them. The same
+holds for commands that were given between rows (`sysid.compare.links.between_rows`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
+from scipy.ndimage import convolve1d
 
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 from mecanum_env.wheel_drive.drive import longest_delay_s
-from sysid.compare.links.changes import GRID_S, Change, changes_of
+from sysid.compare.links import between_rows
+from sysid.compare.links.changes import GRID_S, STEP_S, Change, changes_of
 from sysid.compare.links.common_delay import EVIDENCE, CommonDelay, evidence, without_trend
 from sysid.compare.links.in_model import delay_of, on_time
 from sysid.compare.links.single_changes import SeenChanges
 from sysid.logs import Run
+from sysid.logs.noise import noise_from_repeats
 
 _ROUNDS: Final = 3
 _LEAST_SPREAD: Final = 0.25
 """Least spread in sampling intervals: stamps and latches alone make about that. Assumed."""
-_RESOLUTION_S: Final = 0.004
-"""Resolution to which arrivals are placed [s], where the delay allows it: a tenth of a sample at 25 Hz."""
+_RESOLUTION_S: Final = STEP_S
+"""Resolution to which arrivals are placed [s], where the delay allows it: that of the delays."""
 _MORE_S: Final = 0.1  # by which the common delay may be found longer
+_ROUNDED: Final = np.array([0.25, 0.5, 0.25])
+"""Weights over steps of `GRID_S` by which a time is not known any better."""
 _LOST: Final = 8.0  # logarithm of a likelihood ratio from which a change counts as lost
 
 
@@ -78,7 +84,8 @@ class LinkDelays:
     """Standard deviation of the delays [s]."""
     evidence: float
     """Twice the logarithm of the likelihood with the spread over that without, less the price of a parameter;
-    the smaller one of delays as they are and beside what goes with size and direction."""
+    of commands that were given between rows, that of such over commands as stamped. It is the smaller one of
+    delays as they are and beside what goes with size and direction."""
     likelihood: FloatArray
     """Logarithm of the likelihood of each change (rows) at each delay of `GRID_S`."""
     lost_likelihood: FloatArray
@@ -87,8 +94,8 @@ class LinkDelays:
     """As `likelihood`, with the delays' dependence on size and direction of the changes taken off."""
 
     @property
-    def jitters(self) -> bool:
-        """Whether delays differ by more than they are uncertain."""
+    def differ(self) -> bool:
+        """Whether changes acted at times of their own, by more than these are uncertain."""
         return self.evidence > EVIDENCE
 
     @property
@@ -134,4 +141,57 @@ def link_delays(model: Model, runs: Sequence[Run], clock: LinkClock) -> LinkDela
         likelihood=found.at_delay,
         lost_likelihood=found.lost,
         untrended=whole,
+    )
+
+
+def delays_between_rows(
+    model: Model, runs: Sequence[Run], clock: LinkClock, late_s: float | None = None
+) -> LinkDelays:
+    """Estimate when each change of the command in bench `runs` acted, if given since the row before.
+
+    The `model` predicts them, without the link that it has itself. All act `late_s` [s] after they were given
+    or, if that is None, by the likeliest time.
+    """
+    changes = changes_of(runs, clock.latch_s, between_rows=True)
+    # Means of commands are no whole numbers.
+    exact = replace(model, wheel=replace(model.wheel, command_quantum_rpm=0.0))
+    seen = SeenChanges(on_time(exact, clock.tick_s), runs, changes, within_ticks=True)
+    none_lost = np.zeros(len(changes), bool)
+    same = between_rows.repeated(runs, changes)
+    given = np.array([change.given_s for change in changes])
+    delays = np.array([0.5 * change.within_s for change in changes]) + (late_s or 0.0)
+    for _ in range(_ROUNDS):
+        found = seen.likelihoods(delays, none_lost)
+        late = late_s or 0.0
+        if late_s is None and changes:
+            total = between_rows.blurred(found.at_delay, changes).sum(axis=0)
+            late = float(GRID_S[int(np.argmax(total))])
+        together = found.at_delay.copy()
+        for rows in same:
+            together[rows] = found.at_delay[rows].sum(axis=0)
+        weights = between_rows.weights(late, together, changes)
+        delays = weights @ GRID_S
+        for rows in same:
+            delays[rows] = np.median(given[rows] + delays[rows]) - given[rows]
+    repeats = noise_from_repeats(runs) or {}
+    noise_rpm = min([found.noise_rpm, *(one.std for one in repeats.values() if one.std > 0.0)])
+    rounded = convolve1d(weights, _ROUNDED, axis=1, mode="nearest")
+    # Repeats have the same times, and their mean errs by as much as each.
+    alike = np.ones(len(runs))
+    for rows in same:
+        for i in rows:
+            alike[changes[i].run] = max(alike[changes[i].run], len(rows))
+    untrended = without_trend(found.at_delay, changes)
+    both = (between_rows.evidence(table, changes) for table in (found.at_delay, untrended))
+    return LinkDelays(
+        changes=changes,
+        delay_s=delays,
+        lost=none_lost,
+        unsure=tuple(count * one for count, one in zip(alike, seen.unsure(rounded, noise_rpm), strict=True)),
+        mean_s=late,
+        spread_s=0.0,
+        evidence=min(both),
+        likelihood=found.at_delay,
+        lost_likelihood=found.lost,
+        untrended=untrended,
     )

@@ -13,6 +13,10 @@ from mecanum_env.wheel_drive.link import SPREAD
 JITTER: Final = "command_latency/jitter"
 LOSS: Final = "command_loss"
 _FIXED: Final = "command_latency"
+_STAMPS: Final = "commands_between_rows"
+"""Key in the uncertainty of a model whose logs show each command in the first row after it was given."""
+_LATE: Final = "late_s"
+"""Key in that: how late such commands act under the model [s], which may take a delay for a lag."""
 
 
 def delay_of(model: Model) -> float:
@@ -26,6 +30,23 @@ def varies(model: Model) -> bool:
     return bool({JITTER, LOSS} & set(model.effects))
 
 
+def late_between_rows(model: Model) -> float | None:
+    """Return how late commands act [s] that a model's logs show in the first row after they were given.
+
+    None if the logs show them when they were given.
+    """
+    stated = model.uncertainty.get(_STAMPS)
+    return None if stated is None else float(stated[_LATE])
+
+
+def with_stamps(model: Model, late_s: float | None) -> Model:
+    """Return the model with what `late_between_rows` says of it."""
+    uncertainty = {key: value for key, value in model.uncertainty.items() if key != _STAMPS}
+    if late_s is not None:
+        uncertainty[_STAMPS] = {_LATE: late_s}
+    return replace(model, uncertainty=uncertainty)
+
+
 def said(model: Model) -> str:
     """Return in a few words what a model says of its link."""
     effects = model.effects
@@ -36,11 +57,15 @@ def said(model: Model) -> str:
 
 
 def on_time(model: Model, period_s: float, delay_s: float = 0.0) -> Model:
-    """Return the model with one delay [s] for all commands, none lost, and a clock of `period_s` [s]."""
+    """Return the model with one delay [s] for all commands, none lost, and a clock of `period_s` [s].
+
+    It says that commands are stamped when they are given.
+    """
     effects = _without_link(model)
     if delay_s > 0.0:
         effects = {_FIXED: {"delay_s": delay_s}, **effects}
-    return replace(model, wheel=replace(model.wheel, command_period_s=period_s), effects=effects)
+    on_clock = replace(model, wheel=replace(model.wheel, command_period_s=period_s), effects=effects)
+    return with_stamps(on_clock, None)
 
 
 def varied(

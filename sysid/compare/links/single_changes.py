@@ -20,7 +20,7 @@ from mecanum_env.simulator.bench import bench_motions
 from mecanum_env.simulator.free_wheel import BenchRun
 from mecanum_env.statistics import MEDIAN_OF_NORMAL
 from mecanum_env.units import FloatArray
-from sysid.compare.links.changes import GRID_S, LONGEST_S, Change
+from sysid.compare.links.changes import GRID_S, LONGEST_S, Change, means_over_ticks
 from sysid.compare.links.common_delay import TAIL
 from sysid.compare.measured import start_of
 from sysid.logs import Run
@@ -50,7 +50,11 @@ class SeenChanges:
     The model has no delay. Arrivals are simulated on the clock of the model's commands.
     """
 
-    def __init__(self, model: Model, runs: Sequence[Run], changes: Sequence[Change]) -> None:
+    def __init__(
+        self, model: Model, runs: Sequence[Run], changes: Sequence[Change], *, within_ticks: bool = False
+    ) -> None:
+        """Take what is known; with `within_ticks` commands change within the ticks of the model's law."""
+        self._within_ticks = within_ticks
         self._model, self._runs, self._changes = model, runs, changes
         self._responses = _responses(model, changes)
         self._windows = _windows(runs, changes)
@@ -99,6 +103,9 @@ class SeenChanges:
             acting = [i for i in own if not lost[i]]
             times = np.maximum.accumulate([0.0, *(changes[i].given_s + delay_s[i] for i in acting)])
             levels = np.array([first, *(changes[i].after_rpm for i in acting)])
+            if self._within_ticks:
+                tick_s = self._model.wheel.law.sample_period_s
+                times, levels = means_over_ticks(times[1:], levels, tick_s, run.duration_s)
             keep = np.append(np.diff(times) > 0.0, True)
             commands.append(BenchRun(times[keep], levels[keep], run.duration_s, initial))
         return bench_motions([self._model], commands)[0]

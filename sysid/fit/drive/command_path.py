@@ -22,7 +22,7 @@ from sysid.logs import BodyCommand, Dataset, Run
 COMMAND_PERIOD_S: Final = Wheel.command_period_s
 _COMMAND_QUANTUM_RPM: Final = Wheel.command_quantum_rpm
 _SATURATION_RPM: Final = Wheel.saturation_rpm
-_LAW_RATE_HZ: Final = 120.0
+LAW_RATE_HZ: Final = 120.0
 """Default rate of the law: the published rise and settling times fit a period of 1/120 s."""
 _SLOW_TICK: Final = 1.2
 """Length of the law's tick, relative to the default, above which there is one more to a command."""
@@ -147,10 +147,10 @@ def _command_clock(dataset: Dataset, sample_period_s: float | None, notes: list[
         return min(fast), False
     said = f"commands do not change on a {COMMAND_PERIOD_S:g} s clock that starts with the run"
     row = float(np.median(rows))
-    if 1.0 / _LAW_RATE_HZ < row < COMMAND_PERIOD_S and all(_on_clock(t, row, 0.02 * row) for t in changes):
+    if 1.0 / LAW_RATE_HZ < row < COMMAND_PERIOD_S and all(_on_clock(t, row, 0.02 * row) for t in changes):
         notes.append(f"{said}, but on the log's own of {row:g} s, which is taken as command_period_s")
         return row, True
-    period = sample_period_s or 1.0 / _LAW_RATE_HZ
+    period = sample_period_s or 1.0 / LAW_RATE_HZ
     notes.append(
         f"{said}: the log's own stamps are taken as the moments at which they took effect, and the model "
         f"takes commands at every tick of the law (command_period_s = {period:.4g})"
@@ -170,8 +170,8 @@ def _law_rate_hz(dataset: Dataset, notes: list[str]) -> float:
     A faster law could alternate from tick to tick between samples, and a fit would use that freedom.
     """
     interval = min(run.median_interval_s for run in dataset.runs)
-    if interval * _LAW_RATE_HZ <= _UNSEEN_TICKS * (1.0 + 1e-6):
-        return _LAW_RATE_HZ
+    if interval * LAW_RATE_HZ <= _UNSEEN_TICKS * (1.0 + 1e-6):
+        return LAW_RATE_HZ
     notes.append(
         f"samples come every {interval * 1e3:.3g} ms, and so does the law's tick: a faster one is not seen"
     )

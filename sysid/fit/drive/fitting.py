@@ -1,4 +1,4 @@
-"""The wheel law from logs: their command path, weights, and the law behind both and behind the link.
+"""The wheel law from logs: their command path, weights, and the law behind both.
 
 Least squares weights a sample by the variance of its error, which is that of the noise and of the model
 together. A wheel at rest is often recorded without any noise at all. Where no law comes near the noise of the
@@ -17,7 +17,6 @@ import numpy as np
 from sysid.fit.drive.behind_path import fit_behind
 from sysid.fit.drive.command_path import infer_command_path
 from sysid.fit.drive.fitter import LawFitter
-from sysid.fit.drive.late_links import through_late_link
 from sysid.fit.drive.law_fit import LawFit
 from sysid.fit.drive.unseen_swings import SWINGS, swings_unseen, without_unseen_ticks
 from sysid.fit.drive.wheel_data import pooled, runs_by_split
@@ -36,7 +35,7 @@ _CHANNEL: Final = "speed_rpm"
 
 
 def fit_law(plain: Dataset, options: FitOptions, progress: Progress) -> LawFit:
-    """Fit the wheel law to `plain` logs, with the delay of each command where the logs show such delays.
+    """Fit the wheel law to `plain` logs.
 
     `options` says how, and `progress` is told of each long step.
 
@@ -62,8 +61,6 @@ def fit_law(plain: Dataset, options: FitOptions, progress: Progress) -> LawFit:
         swings = swings_unseen(found)
     if swings:
         found = replace(found, notes=(*found.notes, SWINGS))
-    if dataset.level == "bench" and options.delay_s is None:
-        found = through_late_link(path, found, progress)
     return replace(found, tails=tails)
 
 

@@ -38,8 +38,8 @@ class LawFit:
     """With `per_wheel`: wheel name -> its own estimate."""
     runs: Runs
     link: AlignedLogs | None = None
-    """From bench logs: the link, if it delays every change of the command differently. `dataset`, `path` and
-    `runs` are then those of the logs with their changes moved to where they acted."""
+    """From bench logs: those with each change of the command where it acted, if changes act at times of their
+    own. `dataset`, `path` and `runs` are then of these."""
     tails: Mapping[str, Tails] = field(default_factory=dict)
     """Channel -> its noise, where that has heavy tails and outliers were weighted down."""
     notes: tuple[str, ...] = field(default=())

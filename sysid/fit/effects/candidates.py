@@ -53,15 +53,22 @@ def first_order_laws(model: Model, largest_pole: float) -> Iterator[Model]:
         yield start.with_effect("speed_gain", gain=1.0)
 
 
-def starts(effect: Effect, added: EffectSet, scale: Scale) -> Iterator[FloatArray]:
+def starts(
+    effect: Effect, added: EffectSet, scale: Scale, known: Mapping[str, float] | None = None
+) -> Iterator[FloatArray]:
     """Yield the places at which an effect is tried: combinations of those of its parameters.
 
-    `added` is the effect as a set with its free parameters; `scale` is that of the drive and the logs.
+    `added` is the effect as a set with its free parameters; `scale` is that of the drive and the logs. The
+    parameters with `known` values, as another form of the effect has them, are tried at those only.
     """
+    known = known or {}
     parameters: Mapping[str, Parameter] = {p.name: p for p in effect.parameters}
-    choices = []
+    choices, has_neutral = [], not known
     for one in added.coordinates:
         parameter = parameters[one.parameter]
+        if one.parameter in known:
+            choices.append([float(np.clip(one.unit(known[one.parameter]), 0.0, 1.0))])
+            continue
         places = scanned(parameter, one, scale)
         if one.parameter in TRIED:
             places = [one.unit(value) for value in TRIED[one.parameter]]
@@ -69,12 +76,13 @@ def starts(effect: Effect, added: EffectSet, scale: Scale) -> Iterator[FloatArra
             both = [one.neutral_place + sign * probe for probe in _PROBES for sign in (1.0, -1.0)]
             places = [place for place in both if 0.0 <= place <= 1.0]
         neutral = [one.neutral_place] if parameter.neutral is not None or not places else []
+        has_neutral |= bool(neutral)
         choices.append([*neutral, *places])
-    combinations = list(product(*choices))[1:]
+    combinations = list(product(*choices))[int(has_neutral) :]
     for combination in combinations[:: -(-len(combinations) // _MOST_STARTS)]:
         place = np.array(combination)
         for index, one in enumerate(added.coordinates):
-            if one.parameter == "brake_rpm_s":
+            if one.parameter == "brake_rpm_s" and one.parameter not in known:
                 # Braking begins as the limit of rising does.
                 limit = added.coordinates[0].value(float(place[0]))
                 place[index] = one.unit(limit)

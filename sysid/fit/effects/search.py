@@ -69,8 +69,9 @@ def searched(
 ) -> list[Reached]:
     """Return the sets of effects that were the best ones while they grew from starts, the last one first.
 
-    Each start belongs to one of the searches. There are at most so many `rounds`, in each of which
-    `width` sets grow; `pruned` is as in `EffectSearch.pruned`. `tell` is called before each round.
+    Each start belongs to one of the searches, which differ in nothing else. There are at most so many
+    `rounds`, in each of which `width` sets grow; `pruned` is as in `EffectSearch.pruned`. `tell` is called
+    before each round.
     """
     beam, best, stale = list(began), began[0], 0
     bests = [best]
@@ -81,18 +82,12 @@ def searched(
         bests += [best] if best is not before else []
         if stale == _PATIENCE:
             break
-        grown = [
-            more
-            for search in searches
-            for one in beam
-            if one.base is search.base
-            for more in search.grown(one)
-        ]
+        grown = [more for one in beam for more in _search_of(one, searches).grown(one)]
         beam = _best_ones(grown, best.inflation)[:width]
         if not beam:
             break
     best = min([best, *beam], key=lambda one: one.price(best.inflation))
-    search = next(search for search in searches if search.base is best.base)
+    search = _search_of(best, searches)
     smaller = search.pruned(best, pruned)
     return list(dict.fromkeys([search.rubbing(smaller), smaller, best, *reversed(bests)]))
 
@@ -146,10 +141,19 @@ class EffectSearch:
         names = [name for name in SIMPLE_DRIVE if name in self.known]
         return simple_drive(alone, self._set(names), self.largest_pole, cost)
 
+    def beside(self, reached: Reached) -> EffectSearch:
+        """Return this search from the start of a set."""
+        return self._from(reached.base)
+
     def grown(self, reached: Reached) -> list[Reached]:
-        """Return the sets with one effect more that promise most, fitted."""
+        """Return the sets with one effect more that promise most, and with one in another form, fitted."""
         promising = sorted(self._promising(reached), key=lambda growth: growth.expected)[:_FITTED]
-        fitted = (self._fitted(growth, reached.fitted.cost) for growth in promising)
+        fitted = [self._fitted(growth, reached.fitted.cost) for growth in promising]
+        # On a robot each of these trials would simulate the whole of it.
+        exchanges = () if self.robot else self._exchanges(reached)
+        exchange = min(exchanges, key=lambda exchange: exchange.expected, default=None)
+        if exchange is not None and exchange.expected < reached.fitted.cost:
+            fitted.append(exchange.search._reached(exchange.candidate, exchange.place))
         return [one for one in fitted if one is not None]
 
     def pruned(self, reached: Reached, tried: int | None = None) -> Reached:
@@ -285,6 +289,36 @@ class EffectSearch:
             return replace(one, high=max(one.high, self._top_rpm / _SHORTEST_RISE_S))
         return one
 
+    def _exchanges(self, reached: Reached) -> Iterator[_Exchange]:
+        """Yield the set with each effect in each other form, at the best of the places where that is tried.
+
+        Parameters that both forms have stay as they are.
+        """
+        values = reached.model.effects
+        orthogonal = np.linalg.qr(reached.fitted.jacobian)[0]
+        for name in reached.fitted.candidate.effects.names:
+            search = self._beside_none_of(name)
+            without, place = _without(reached, name)
+            for other, effect in self.known.items():
+                if other == name or effect.cause != cause_of(name):
+                    continue
+                added = search._set([other])
+                names = (*without.effects.names, other)
+                free = (*without.effects.coordinates, *added.coordinates)
+                candidate = LawWithEffects(without.law, EffectSet(names, free, without.effects.fixed))
+                function = marginal_function(search.problem, candidate)
+                best: tuple[float, FloatArray] | None = None
+                for start in starts(effect, added, self.problem.settings.scale, values[name]):
+                    residual = function(np.concatenate([place, start]))
+                    if residual is None:
+                        continue
+                    along = orthogonal.T @ residual
+                    expected = float(residual @ residual - along @ along)
+                    if best is None or expected < best[0]:
+                        best = (expected, np.concatenate([place, start]))
+                if best is not None:
+                    yield _Exchange(best[0], search, candidate, best[1])
+
     def _promising(self, reached: Reached) -> Iterator[_Growth]:
         """Yield the growth by each further effect from where linear least squares expects most of it."""
         fitted, scale = reached.fitted, self.problem.settings.scale
@@ -316,6 +350,24 @@ class EffectSearch:
                     best = (expected, place)
             if best is not None:
                 yield _Growth(*best, np.concatenate([fitted.place, added.start()]), candidate)
+
+
+@dataclass(frozen=True, eq=False)
+class _Exchange:
+    """A set in which an effect has another form, not yet fitted."""
+
+    expected: float
+    """Cost that linear least squares expects."""
+    search: EffectSearch
+    candidate: LawWithEffects
+    place: FloatArray
+    """Where the other parameters are as they were, (p,)."""
+
+
+def _search_of(reached: Reached, searches: Sequence[EffectSearch]) -> EffectSearch:
+    """Return the search that a set belongs to; one that changed a form began without it."""
+    own = (search for search in searches if search.base is reached.base)
+    return next(own, None) or searches[0].beside(reached)
 
 
 def _best_ones(grown: Sequence[Reached], inflation: float) -> list[Reached]:

@@ -13,6 +13,7 @@ import mecanum_env
 from mecanum_env.files import plain_json
 from mecanum_env.law.coefficients import COEFFICIENTS
 from mecanum_env.model import Model, Robot
+from sysid.compare.links import AlignedLogs
 from sysid.compare.model_error import with_own_error
 from sysid.fit.drive import latency, wheel_model
 from sysid.fit.pipeline import Fit
@@ -62,9 +63,12 @@ def fitted_model(fit: Fit, robot: Robot | None = None) -> Model:
         model, note = on_rollers(model, fit.dataset, list(_robot_errors(fit)))
         notes = [*model.provenance["notes"], note]
         model = replace(model, provenance={**model.provenance, "notes": notes})
-    model = with_own_error(model, fit.dataset)
-    link = fit.link
-    return model if link is None else link.through_link(model, jitter_s=link.delays.spread_s)
+    if fit.link is None:
+        return with_own_error(model, fit.dataset)
+    described = fit.link.as_fitted(model)
+    aligned = AlignedLogs.stated(fit.link.logs, described) or fit.link
+    own = with_own_error(replace(model, wheel=aligned.model.wheel), aligned.dataset)
+    return replace(described, uncertainty={**own.uncertainty, **described.uncertainty})
 
 
 def fit_json(fit: Fit) -> dict[str, Any]:

@@ -30,14 +30,14 @@ def found(model: Model, at_once: LinkClock, delayed: MakeLogs) -> Callable[[Floa
 def test_the_delay_of_each_change_is_found(found, spread_delays: MakeDelays) -> None:
     truth = spread_delays(0)
     delays = found(truth)
-    assert delays.jitters
+    assert delays.differ
     np.testing.assert_allclose(delays.delay_s, truth.ravel(), atol=0.02)
     assert delays.spread_s == pytest.approx(float(np.std(truth)), rel=0.4)
     assert delays.mean_s == pytest.approx(0.12, abs=0.02)
 
 
 def test_a_common_delay_is_no_spread(found) -> None:
-    assert not found(np.full((10, 2), 0.12)).jitters
+    assert not found(np.full((10, 2), 0.12)).differ
 
 
 def test_delays_up_to_half_a_second_are_found(found, spread_delays: MakeDelays) -> None:
@@ -46,7 +46,7 @@ def test_delays_up_to_half_a_second_are_found(found, spread_delays: MakeDelays) 
 
 
 def test_changes_that_go_with_their_direction_are_no_jitter(found) -> None:
-    assert not found(np.column_stack([np.full(10, 0.14), np.full(10, 0.09)])).jitters
+    assert not found(np.column_stack([np.full(10, 0.14), np.full(10, 0.09)])).differ
 
 
 def test_a_change_that_never_acts_is_lost(found, spread_delays: MakeDelays) -> None:

@@ -112,3 +112,21 @@ def test_a_law_that_is_not_enough_gives_way_to_any_set_that_held_out_runs_confir
     reached: list[Any] = [best, smaller, law]
     chosen: Any = in_place_of(cast(Any, law), reached, 1000, is_enough=is_enough)
     assert (chosen and chosen.name) == taken
+
+
+def test_a_form_takes_the_place_of_another_one_of_the_same_effect() -> None:
+    """A simple drive has ramps with corners; those of the motor are round."""
+    true = paper_model().with_effect("acceleration_limit", "s_curve", limit_rpm_s=300.0, jerk_rpm_s2=2000.0)
+    data = logs(true)
+    observations = observe(replace(data, runs=data.split("fit")))
+    whitener = Whitener(observations, measure_noise(data, observations), None)
+    start = paper_model().with_effect("acceleration_limit", limit_rpm_s=250.0)
+    search = EffectSearch(start, whitener, HeldOut.of(data), POLE_LIMIT, drive_candidates(data.columns))
+    began = search.begin()
+    assert began is not None
+    form = "acceleration_limit/s_curve"
+    (round_,) = [one for one in search.grown(began) if set(one.model.effects) == {form}]
+    assert round_.fitted.cost < 0.2 * began.fitted.cost
+    assert round_.model.effects[form]["jerk_rpm_s2"] == pytest.approx(2000.0, rel=0.2)
+    # It goes on from there, although it began without the form that it has.
+    assert search.beside(round_).grown(round_)

@@ -1,0 +1,109 @@
+"""A fit to bench logs whose commands arrive late by a time of their own."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mecanum_env.model import Model, paper_model
+from mecanum_env.simulator.bench import bench_motion
+from sysid.compare.links import AlignedLogs
+from sysid.compare.links.in_model import late_between_rows
+from sysid.compare.predicted import predict
+from sysid.fit import Fit, FitOptions, fit_dataset, fitted_model, pipeline
+from sysid.logs import BenchCommand, Dataset, Run
+
+MEAN_S, SPREAD_S = 0.1, 0.04
+QUICK = FitOptions(starts=1, effects="off")
+
+
+def logs(spread_s: float) -> Dataset:
+    """Return runs of five steps each through a link that delays them by a mean and a spread [s]."""
+    model = paper_model()
+    fine = replace(model, wheel=replace(model.wheel, command_period_s=1.0 / 240.0))
+    rng, runs = np.random.default_rng(3), []
+    for index in range(8):
+        time, given = np.arange(0.0, 6.0, 0.02), np.arange(0.5, 5.5, 1.0)
+        levels = np.append(0.0, rng.choice([-1, 1], given.size) * rng.integers(30, 110, given.size))
+        late = MEAN_S + spread_s * rng.uniform(-1.0, 1.0, given.size) * np.sqrt(3.0)
+        clock, true = bench_motion(fine, np.append(0.0, given + late), levels, float(time[-1]))
+        speed = np.interp(time, clock, true) + 0.3 * rng.standard_normal(time.size)
+        command = BenchCommand(levels[np.searchsorted(given, time + 1e-9, side="right")])
+        split = ("fit", "fit", "validation", "test")[index % 4]
+        runs.append(Run(f"r{index}", f"g{index}", split, time, command, {"speed_rpm": speed}))
+    return Dataset("link", tuple(runs), ())
+
+
+def test_the_law_is_fitted_beside_the_delay_of_each_command() -> None:
+    fit = fit_dataset(logs(SPREAD_S), QUICK)
+    assert fit.link is not None
+    assert fit.link.delays.spread_s == pytest.approx(SPREAD_S, rel=0.4)
+    described = fitted_model(fit)
+    assert described.effects["command_latency/jitter"]["jitter_s"] == fit.link.delays.spread_s
+    assert described.wheel.command_period_s == fit.link.given.wheel.command_period_s
+    assert any("acts at a time of its own" in note for note in fit.notes)
+
+
+def test_one_delay_for_all_commands_is_no_late_link() -> None:
+    fit = fit_dataset(logs(0.0), QUICK)
+    assert fit.link is None
+    assert fitted_model(fit).effects["command_latency"]["delay_s"] == pytest.approx(MEAN_S, abs=0.01)
+
+
+def rows_logs(*, between: bool) -> Dataset:
+    """Return runs with rows 40 ms apart of a wheel whose commands are given between these, or at them."""
+    model = paper_model()
+    fine = replace(model, wheel=replace(model.wheel, command_period_s=1.0 / 480.0))
+    rng, runs = np.random.default_rng(4), []
+    time = np.arange(0.0, 5.0, 0.04)
+    for index in range(8):
+        sent = 0.3 + 0.5 * np.arange(9) + rng.uniform(0.0, 0.2, 9)
+        sent = sent if between else np.ceil(sent / 0.04) * 0.04
+        levels = np.append(0.0, rng.permutation(np.linspace(-110.0, 105.0, 9)).round())
+        clock, true = bench_motion(fine, np.append(0.0, sent), levels, float(time[-1]))
+        speed = np.interp(time, clock, true) + 0.3 * rng.standard_normal(time.size)
+        command = BenchCommand(levels[np.searchsorted(sent, time + 1e-9, side="right")])
+        split = ("fit", "fit", "validation", "test")[index % 4]
+        runs.append(Run(f"r{index}", f"g{index}", split, time, command, {"speed_rpm": speed}))
+    return Dataset("rows", tuple(runs), (), "rows")
+
+
+@pytest.fixture(scope="module")
+def between() -> Fit:
+    """Return the fit to logs whose commands are given between rows."""
+    return fit_dataset(rows_logs(between=True), QUICK)
+
+
+def error_rpm(model: Model, dataset: Dataset) -> float:
+    errors = [run.channels["speed_rpm"] - predict(model, run)["speed_rpm"] for run in dataset.runs]
+    return float(np.sqrt(np.nanmean(np.concatenate(errors) ** 2)))
+
+
+def test_commands_between_rows_are_fitted_where_they_were_given(between: Fit) -> None:
+    assert between.link is not None
+    described = fitted_model(between)
+    assert late_between_rows(described) is not None
+    assert "command_latency/jitter" not in described.effects
+    # The logs say nothing of a clock, so that the model takes commands at once.
+    assert described.wheel.command_period_s == described.wheel.law.sample_period_s
+    aligned = AlignedLogs.stated(between.link.logs, described)
+    assert aligned is not None
+    assert error_rpm(aligned.model, aligned.dataset) < 0.4 * error_rpm(described, between.link.logs)
+
+
+def test_commands_at_rows_are_taken_as_stamped() -> None:
+    fit = fit_dataset(rows_logs(between=False), QUICK)
+    assert fit.link is None
+    assert late_between_rows(fitted_model(fit)) is None
+
+
+def test_times_that_hardly_help_beside_effects_are_not_adopted(
+    monkeypatch: pytest.MonkeyPatch, between: Fit
+) -> None:
+    """Friction and limits delay changes differently, and times of single changes follow them."""
+    monkeypatch.setattr(pipeline, "with_times_of_commands", lambda _law, _progress: between)
+    for error, adopted in ((0.6, False), (0.4, True)):
+        monkeypatch.setattr(pipeline, "_held_out_rpm", lambda fit, e=error: e if fit.link else 1.0)
+        assert (fit_dataset(logs(0.0), QUICK).link is not None) is adopted

@@ -62,15 +62,18 @@ def with_times_by(model: Model, timed: LawFit, plain: LawFit, progress: Progress
     stated = link.as_stated(model)
     delays = delays_between_rows(stated, plain.dataset.runs, link.clock)
     logs = AlignedLogs.of(plain.dataset, with_stamps(stated, delays.mean_s), link.clock, delays)
-    return _noted(_behind(logs, plain.path, plain.options, progress), plain)
+    return _behind(logs, plain.path, plain.options, progress)
 
 
 def _in_turns(plain: LawFit, progress: Progress, *, between_rows: bool) -> LawFit:
-    """Return the best of the fits of all turns, the plain one unless another is clearly better."""
-    options = plain.options
-    quick = replace(options, methods=options.methods[:1], starts=min(3, options.starts))
-    best, found, link = plain, plain, None
-    path = plain.path
+    """Return the best of the fits of all turns, the plain one unless another is clearly better.
+
+    The gain of the law is free meanwhile: one that cannot stay below its command tells no times.
+    """
+    path, options = plain.path, plain.options
+    quick = replace(options, methods=options.methods[:1], starts=min(3, options.starts), unit_gain=False)
+    free = fit_behind(replace(path, exact=True), plain.dataset, quick, progress)
+    best, found, link = free, free, None
     for turn in range(_TURNS):
         logs = _aligned(plain, found, between_rows=between_rows)
         # A law that was fitted to the stamps may speak for them; one that was not decides.
@@ -82,26 +85,17 @@ def _in_turns(plain: LawFit, progress: Progress, *, between_rows: bool) -> LawFi
             best, link = found, logs
         elif turn > 0:
             break
-    if link is None or not link.delays.differ or _error(best) >= (1.0 - _WORTH) * _error(plain):
+    if link is None or not link.delays.differ or _error(best) >= (1.0 - _WORTH) * _error(free):
         return plain
-    return _noted(_behind(link, path, options, progress), plain)
-
-
-def _noted(timed: LawFit, plain: LawFit) -> LawFit:
-    """Return a fit that says what the times of the changes gain."""
-    assert timed.link is not None
-    note = (
-        f"{timed.link.note}; with these, the law errs by {_error(timed):.3g} rpm (rms) on "
-        f"runs that it was not fitted to, with one delay by {_error(plain):.3g} rpm"
-    )
-    return replace(timed, notes=(*plain.path.notes, note, *timed.notes))
+    return _behind(link, path, options, progress)
 
 
 def _behind(logs: AlignedLogs, path: CommandPath, options: FitOptions, progress: Progress) -> LawFit:
     """Return the law fitted to aligned logs, whose changes are known to act on a clock of their own."""
     fine = replace(path, sample_period_s=logs.clock.tick_s, command_period_s=logs.period_s)
     fine = replace(fine, latched=True, exact=True, notes=())
-    return replace(fit_behind(fine, logs.dataset, options, progress), link=logs)
+    found = fit_behind(fine, logs.dataset, options, progress)
+    return replace(found, options=options, link=logs, notes=(*path.notes, logs.note, *found.notes))
 
 
 def _aligned(plain: LawFit, found: LawFit, *, between_rows: bool) -> AlignedLogs:

@@ -56,10 +56,10 @@ def as_stamped(likelihood: FloatArray, changes: Sequence[Change]) -> FloatArray:
 
 
 def weights(late_s: float, likelihood: FloatArray, changes: Sequence[Change]) -> FloatArray:
-    """Return the probability of each delay of the grid (columns) for each of the changes, by its `likelihood`.
+    """Return the probability of each delay of the grid (columns) for each of the changes (rows).
 
-    They act `late_s` [s] after they were given, and no later than `EDGE_S` after that, so that what is later
-    is left to be found.
+    By the `likelihood` of each they act `late_s` [s] after they were given, and no later than `EDGE_S` after
+    that, so that what is later is left to be found.
     """
     found = np.zeros_like(likelihood)
     edge, first = round(EDGE_S / STEP_S), round(late_s / STEP_S)

@@ -11,6 +11,7 @@ from mecanum_env.kinematics import require_mecanum
 from mecanum_env.law.stability import POLE_LIMIT
 from mecanum_env.model import Model
 from sysid.fit.drive import (
+    STAGE,
     LawFit,
     fit_law,
     latency,
@@ -86,10 +87,11 @@ def _with_times(law: LawFit, plain: Fit, progress: Progress) -> Fit:
     timed = with_times_of_commands(law, progress)
     if timed is law:
         return plain
-    found = _beside_law(replace(timed, tails=law.tails), progress)
+    tell = within(progress, STAGE)
+    found = _beside_law(replace(timed, tails=law.tails), tell)
     if found.drive_effects is not None and found.link is not None and not found.link.delays.spread_s:
         again = with_times_by(found.drive_effects.model, timed, law, progress)
-        again = _beside_law(replace(again, tails=law.tails), progress)
+        again = _beside_law(replace(again, tails=law.tails), tell)
         found = min(found, again, key=_held_out_rpm)
     stamped_rpm, timed_rpm = _held_out_rpm(plain), _held_out_rpm(found)
     if timed_rpm >= _TIMED * stamped_rpm:

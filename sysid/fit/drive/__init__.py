@@ -14,12 +14,13 @@ law_fit        `LawFit`, the result
 """
 
 from sysid.fit.drive.command_path import CommandPath, infer_command_path
-from sysid.fit.drive.command_times import with_times_by, with_times_of_commands
+from sysid.fit.drive.command_times import STAGE, with_times_by, with_times_of_commands
 from sysid.fit.drive.fitting import fit_law
 from sysid.fit.drive.law_fit import LawFit, latency, wheel_model
 from sysid.fit.drive.wheel_data import wheel_columns, wheel_run
 
 __all__ = [
+    "STAGE",
     "CommandPath",
     "LawFit",
     "fit_law",

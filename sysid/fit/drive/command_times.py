@@ -19,8 +19,10 @@ from sysid.fit.drive.command_path import LAW_RATE_HZ, CommandPath
 from sysid.fit.drive.law_fit import LawFit, wheel_model
 from sysid.fit.options import FitOptions
 from sysid.fit.statistics import residual
-from sysid.progress import Progress
+from sysid.progress import Progress, silent, within
 
+STAGE: Final = "times of the commands"
+"""What progress is told of this work."""
 _TURNS: Final = 6
 """How often the times of the changes and the law are estimated in turns, at most."""
 _BETTER: Final = 0.05
@@ -62,7 +64,7 @@ def with_times_by(model: Model, timed: LawFit, plain: LawFit, progress: Progress
     stated = link.as_stated(model)
     delays = delays_between_rows(stated, plain.dataset.runs, link.clock)
     logs = AlignedLogs.of(plain.dataset, with_stamps(stated, delays.mean_s), link.clock, delays)
-    return _behind(logs, plain.path, plain.options, progress)
+    return _behind(logs, plain.path, plain.options, within(progress, STAGE))
 
 
 def _in_turns(plain: LawFit, progress: Progress, *, between_rows: bool) -> LawFit:
@@ -70,24 +72,26 @@ def _in_turns(plain: LawFit, progress: Progress, *, between_rows: bool) -> LawFi
 
     The gain of the law is free meanwhile: one that cannot stay below its command tells no times.
     """
-    path, options = plain.path, plain.options
+    path, options, tell = plain.path, plain.options, within(progress, STAGE)
     quick = replace(options, methods=options.methods[:1], starts=min(3, options.starts), unit_gain=False)
-    free = fit_behind(replace(path, exact=True), plain.dataset, quick, progress)
+    free = fit_behind(replace(path, exact=True), plain.dataset, quick, silent)
     best, found, link = free, free, None
     for turn in range(_TURNS):
         logs = _aligned(plain, found, between_rows=between_rows)
         # A law that was fitted to the stamps may speak for them; one that was not decides.
         if not (logs.delays.differ or (between_rows and turn == 0)):
             break
-        progress(f"times of the commands: {turn + 1}")
-        found = _behind(logs, path, quick, progress)
+        if turn == 0:
+            progress(STAGE)
+        tell(f"turn {turn + 1}")
+        found = _behind(logs, path, quick, silent)
         if _error(found) < (1.0 - _BETTER) * _error(best):
             best, link = found, logs
         elif turn > 0:
             break
     if link is None or not link.delays.differ or _error(best) >= (1.0 - _WORTH) * _error(free):
         return plain
-    return _behind(link, path, options, progress)
+    return _behind(link, path, options, tell)
 
 
 def _behind(logs: AlignedLogs, path: CommandPath, options: FitOptions, progress: Progress) -> LawFit:
@@ -95,7 +99,7 @@ def _behind(logs: AlignedLogs, path: CommandPath, options: FitOptions, progress:
     fine = replace(path, sample_period_s=logs.clock.tick_s, command_period_s=logs.period_s)
     fine = replace(fine, latched=True, exact=True, notes=())
     found = fit_behind(fine, logs.dataset, options, progress)
-    return replace(found, options=options, link=logs, notes=(*path.notes, logs.note, *found.notes))
+    return replace(found, link=logs, notes=(*path.notes, logs.note, *found.notes))
 
 
 def _aligned(plain: LawFit, found: LawFit, *, between_rows: bool) -> AlignedLogs:

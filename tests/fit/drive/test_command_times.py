@@ -107,3 +107,12 @@ def test_times_that_hardly_help_beside_effects_are_not_adopted(
     for error, adopted in ((0.6, False), (0.4, True)):
         monkeypatch.setattr(pipeline, "_held_out_rpm", lambda fit, e=error: e if fit.link else 1.0)
         assert (fit_dataset(logs(0.0), QUICK).link is not None) is adopted
+
+
+def test_times_between_rows_are_one_stage_of_the_fit() -> None:
+    told: list[str] = []
+    fit_dataset(rows_logs(between=True), QUICK, told.append)
+    stages = [message for message in told if ": turn " not in message]
+    assert stages[:5] == ["clock of the commands", "delay and ceiling", "output-error: 1 starts", "uncertainty",
+                          "times of the commands"]  # fmt: skip
+    assert all(message.startswith("times of the commands") for message in stages[5:])

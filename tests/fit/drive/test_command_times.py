@@ -113,6 +113,6 @@ def test_times_between_rows_are_one_stage_of_the_fit() -> None:
     told: list[str] = []
     fit_dataset(rows_logs(between=True), QUICK, told.append)
     stages = [message for message in told if ": turn " not in message]
-    assert stages[:5] == ["clock of the commands", "delay and ceiling", "output-error: 1 starts", "uncertainty",
-                          "times of the commands"]  # fmt: skip
+    law = ["clock of the commands", "delay and ceiling", "output-error: 1 starts", "uncertainty"]
+    assert stages[:5] == [*law, "times of the commands"]
     assert all(message.startswith("times of the commands") for message in stages[5:])

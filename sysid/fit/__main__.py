@@ -11,7 +11,7 @@ import tyro
 from mecanum_env.cli import run
 from mecanum_env.programs import Done
 
-_STAGES: Final = 6
+_STAGES: Final = 7
 _FILES: Final = ("model.json", "fit.json", "fit.png", "report.html")
 
 

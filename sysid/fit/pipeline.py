@@ -89,7 +89,7 @@ def _with_times(law: LawFit, plain: Fit, progress: Progress) -> Fit:
         return plain
     tell = within(progress, STAGE)
     found = _beside_law(replace(timed, tails=law.tails), tell)
-    if found.drive_effects is not None and found.link is not None and not found.link.delays.spread_s:
+    if found.drive_effects is not None and found.link is not None and found.link.between_rows:
         again = with_times_by(found.drive_effects.model, timed, law, progress)
         again = _beside_law(replace(again, tails=law.tails), tell)
         found = min(found, again, key=_held_out_rpm)

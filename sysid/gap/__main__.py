@@ -93,7 +93,7 @@ def gap(
         known, why = (read_dataset(fitted_on), "") if fitted_on else logs_of_fit(base, model.parent)
         options = replace(options, fitted_on=known, notes=(why,) if why else ())
     files = output_folder(out, "sysid.gap", FILES, seed=seed)
-    with files as staged, stage_bar(7 if base else 13) as progress:
+    with files as staged, stage_bar(7 if base else 14) as progress:
         if base is None:
             base, options = law_of(dataset, options, progress)
         report = analyse(dataset, base, options, progress)

@@ -68,24 +68,24 @@ def analyse(
     budget = budget_of(dataset, model, options)
     fitted_on = None if options.fitted_on is None else weighted_down(options.fitted_on)[0]
     with without_engine_warnings(), one_thread():
-        late, seen, base = AlignedLogs.stated(dataset, model), dataset, model
-        if late is not None:
-            seen, base = late.dataset, late.model
-            fitted_on = None if fitted_on is None else late.beside(fitted_on)
-        options = replace(options, fitted_on=fitted_on)
-        report, best = _analyse(seen, base, options, budget.level, progress)
+        late = AlignedLogs.stated(dataset, model)
         if late is None:
+            options = replace(options, fitted_on=fitted_on)
+            report, best = _analyse(dataset, model, options, budget.level, progress)
             progress("delays of single commands")
             report = with_link_fault(
-                seen,
-                base,
+                dataset,
+                model,
                 options,
                 report,
                 best,
                 lambda logs, base, chosen: _analyse(logs, base, chosen, budget.level, silent)[0],
             )
-        if late is not None:
-            report = as_given(report, late)
+        else:
+            fitted_on = None if fitted_on is None else late.beside(fitted_on)
+            options = replace(options, fitted_on=fitted_on)
+            found, _ = _analyse(late.dataset, late.model, options, budget.level, progress)
+            report = as_given(found, late)
     heavy = tuple(one.note(channel) for channel, one in tails.items())
     return replace(
         report,

@@ -95,6 +95,11 @@ class AlignedLogs:
         return cls.of(dataset, given, clock, delays)
 
     @property
+    def between_rows(self) -> bool:
+        """Whether the logs show each command in the first row after it was given."""
+        return late_between_rows(self.given) is not None
+
+    @property
     def model(self) -> Model:
         """The given model for these logs: with its common delay.
 
@@ -106,7 +111,7 @@ class AlignedLogs:
     def note(self) -> str:
         """What the delays are, in a sentence without its full stop."""
         found = self.delays
-        if late_between_rows(self.given) is not None:
+        if self.between_rows:
             return (
                 "the log shows each command in the first row after it was given: the time of each of the "
                 f"{len(found.changes)} changes is estimated, between that row and the one before"
@@ -131,7 +136,7 @@ class AlignedLogs:
             return other
         if delays is None:
             delays = _delays(self.given, other.runs, self.clock)
-        return _moved(other, delays, self.period_s, within_ticks=late_between_rows(self.given) is not None)
+        return _moved(other, delays, self.period_s, within_ticks=self.between_rows)
 
     def as_stated(self, model: Model) -> Model:
         """Return a model of these logs as one of the logs as they were, with the given model's link."""
@@ -145,7 +150,7 @@ class AlignedLogs:
 
     def as_fitted(self, model: Model) -> Model:
         """Return a model that was fitted to these logs as one of the logs as they were."""
-        if late_between_rows(self.given) is None:
+        if not self.between_rows:
             return self.through_link(model, jitter_s=self.delays.spread_s)
         described = self.as_stated(model)
         found = delays_between_rows(described, self.logs.runs, LinkClock.of(described))

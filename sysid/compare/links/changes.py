@@ -72,9 +72,9 @@ def means_over_ticks(
 ) -> tuple[FloatArray, FloatArray]:
     """Return a command as a law sees it that changes within ticks: times [s] and means over ticks, (m,).
 
-    That is exact for a law, whose response to the mean over a tick is that to a change within it. The command
-    changes at `at_s` [s], (n,), and is at levels [rpm], (n + 1,), the first one from 0 on. Only the ticks
-    until `end_s` [s] at which its mean changes are returned, and the first.
+    A drive takes the mean, too, of a command that arrives within a tick. The command changes at `at_s` [s],
+    (n,), and is at levels [rpm], (n + 1,), the first one from 0 on. Only the ticks of `tick_s` [s] until
+    `end_s` [s] at which its mean changes are returned, and the first.
     """
     ticks = tick_s * np.arange(math.ceil(end_s / tick_s) + 2)
     ends = np.concatenate([[0.0], at_s, [max(float(ticks[-1]), float(np.max(at_s, initial=0.0))) + tick_s]])

@@ -23,7 +23,7 @@ _SAME_S: Final = 1e-7
 """Least time [s] from a row to a command that the row does not show."""
 _LONGEST_S: Final = 0.105
 """Longest period that is tried [s]: longer ones are those of a plan, not of a link."""
-_SHORTEST: Final = 1.1
+SHORTEST: Final = 1.1
 """Shortest period that is tried, in rows: a shorter one is in every interval."""
 _CHANCE: Final = 0.005
 """Probability that some period as round as the one found agrees by chance, above which none is taken."""
@@ -49,10 +49,10 @@ def command_clock_s(runs: Sequence[Run]) -> float | None:
     order = np.argsort(late)
     early, late = early[order], late[order]
     share = _FINE * row / max(float(late[-1]), row)
-    count = math.log(_LONGEST_S / (_SHORTEST * row)) / share if _SHORTEST * row < _LONGEST_S else 0.0
+    count = math.log(_LONGEST_S / (SHORTEST * row)) / share if SHORTEST * row < _LONGEST_S else 0.0
     if not 1.0 <= count <= _MOST_PERIODS:
         return None
-    possible = _SHORTEST * row * np.exp(share * np.arange(math.ceil(count)))
+    possible = SHORTEST * row * np.exp(share * np.arange(math.ceil(count)))
     contrary = np.zeros(possible.size)
     for low, high in zip(early, late, strict=True):
         contrary += ~_holds_multiple(possible, low - share * high, high + share * high)

@@ -28,7 +28,7 @@ _SLOW_TICK: Final = 1.2
 """Length of the law's tick, relative to the default, above which there is one more to a command."""
 _CEILING_MARGIN: Final = 1.05
 _FEW_CHANGES: Final = 5  # fewer changes of command do not show a period
-_UNSEEN_TICKS: Final = 2.0  # ticks per sample above which the law could oscillate unseen between samples
+UNSEEN_TICKS: Final = 2.0  # ticks per sample above which the law could oscillate unseen between samples
 _BRIEF: Final = 0.95  # quantile of speed: an overshoot lasts less than the remaining share of a run
 
 
@@ -170,7 +170,7 @@ def _law_rate_hz(dataset: Dataset, notes: list[str]) -> float:
     A faster law could alternate from tick to tick between samples, and a fit would use that freedom.
     """
     interval = min(run.median_interval_s for run in dataset.runs)
-    if interval * LAW_RATE_HZ <= _UNSEEN_TICKS * (1.0 + 1e-6):
+    if interval * LAW_RATE_HZ <= UNSEEN_TICKS * (1.0 + 1e-6):
         return LAW_RATE_HZ
     notes.append(
         f"samples come every {interval * 1e3:.3g} ms, and so does the law's tick: a faster one is not seen"

@@ -15,7 +15,13 @@ from mecanum_env.model import Model
 from mecanum_env.statistics import rms
 from sysid.compare.links import AlignedLogs, LinkClock, delays_between_rows, link_delays, with_stamps
 from sysid.fit.drive.behind_path import fit_behind
-from sysid.fit.drive.command_path import LAW_RATE_HZ, CommandPath
+from sysid.fit.drive.command_clock import SHORTEST
+from sysid.fit.drive.command_path import (
+    LAW_RATE_HZ,
+    UNSEEN_TICKS,
+    CommandPath,
+    infer_command_path,
+)
 from sysid.fit.drive.law_fit import LawFit, wheel_model
 from sysid.fit.options import FitOptions
 from sysid.fit.statistics import residual
@@ -27,14 +33,11 @@ _TURNS: Final = 6
 """How often the times of the changes and the law are estimated in turns, at most."""
 _BETTER: Final = 0.05
 """Relative decrease of the error from one turn to the next below which there is no other. Assumed."""
-_CLOCK: Final = 1.1
-"""Period of a clock that is slower than the rows, in rows, as in `command_clock`."""
 _WORTH: Final = 0.2
 """Least relative decrease of the error by the delays for which they are adopted. Assumed."""
-_UNSEEN_TICKS: Final = 2.0
-"""Ticks per sample above which the law's tick goes with the samples, as in `command_path`."""
 _PARTS: Final = 2.5
-"""Ticks per sample then: changes that act between samples show a faster response than samples are apart."""
+"""Ticks per sample where there would be more than `UNSEEN_TICKS`: changes that act between samples show a
+faster response than samples are apart."""
 
 
 def with_times_of_commands(plain: LawFit, progress: Progress) -> LawFit:
@@ -45,7 +48,7 @@ def with_times_of_commands(plain: LawFit, progress: Progress) -> LawFit:
     delay for all changes. `progress` is told of each turn.
     """
     found, path = plain, plain.path
-    if not (path.latched and path.command_period_s > _CLOCK * _interval_s(plain)):
+    if not (path.latched and path.command_period_s > SHORTEST * _interval_s(plain)):
         found = _in_turns(plain, progress, between_rows=True)
     return _in_turns(plain, progress, between_rows=False) if found is plain else found
 
@@ -99,7 +102,17 @@ def _behind(logs: AlignedLogs, path: CommandPath, options: FitOptions, progress:
     fine = replace(path, sample_period_s=logs.clock.tick_s, command_period_s=logs.period_s)
     fine = replace(fine, latched=True, exact=True, notes=())
     found = fit_behind(fine, logs.dataset, options, progress)
-    return replace(found, link=logs, notes=(*path.notes, logs.note, *found.notes))
+    notes = path.notes
+    if logs.between_rows:
+        # What was said of the clock and the tick does not hold for this fit.
+        notes = infer_command_path(
+            logs.logs,
+            sample_period_s=fine.sample_period_s,
+            command_period_s=fine.command_period_s,
+            quantum_rpm=options.quantum_rpm,
+            saturation_rpm=options.saturation_rpm,
+        ).notes
+    return replace(found, link=logs, notes=(*notes, logs.note, *found.notes))
 
 
 def _aligned(plain: LawFit, found: LawFit, *, between_rows: bool) -> AlignedLogs:
@@ -108,7 +121,7 @@ def _aligned(plain: LawFit, found: LawFit, *, between_rows: bool) -> AlignedLogs
     runs, tick, interval = plain.dataset.runs, path.sample_period_s, _interval_s(plain)
     # A log whose own rows are its clock has a law as slow as they are.
     shortest = min(tick, 1.0 / LAW_RATE_HZ) if between_rows else tick
-    if interval > _UNSEEN_TICKS * shortest * (1.0 + 1e-6):
+    if interval > UNSEEN_TICKS * shortest * (1.0 + 1e-6):
         # In whole ticks per sample a law could alternate from tick to tick unseen.
         tick = interval / _PARTS
     clock = LinkClock(tick, path.command_period_s if path.latched else None)

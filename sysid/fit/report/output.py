@@ -67,7 +67,7 @@ def fitted_model(fit: Fit, robot: Robot | None = None) -> Model:
         return with_own_error(model, fit.dataset)
     described = fit.link.as_fitted(model)
     aligned = AlignedLogs.stated(fit.link.logs, described) or fit.link
-    own = with_own_error(replace(model, wheel=aligned.model.wheel), aligned.dataset)
+    own = with_own_error(aligned.model, aligned.dataset)
     return replace(described, uncertainty={**own.uncertainty, **described.uncertainty})
 
 

@@ -86,6 +86,7 @@ def test_commands_between_rows_are_fitted_where_they_were_given(between: Fit) ->
     described = fitted_model(between)
     assert late_between_rows(described) is not None
     assert "command_latency/jitter" not in described.effects
+    assert not any("taken as command_period_s" in note for note in between.notes)
     # The logs say nothing of a clock, so that the model takes commands at once.
     assert described.wheel.command_period_s == described.wheel.law.sample_period_s
     aligned = AlignedLogs.stated(between.link.logs, described)

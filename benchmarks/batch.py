@@ -1,6 +1,8 @@
 """Benchmark of the batch of arrays and of the environments on it, as ratios measured in one run.
 
 Example: python benchmarks/batch.py --out out/bench/batch.json
+
+With --device cuda the arrays on a GPU are measured, too, by the clock.
 """
 
 from __future__ import annotations
@@ -32,6 +34,8 @@ from mecanum_env.tankendo.vector import TankendoVectorEnv
 gymnasium.register_envs(mecanum_env)
 
 ROWS = {"arrays": 4096, "mujoco": 256}
+ON_DEVICE = (4096, 65536, 524288)
+"""Numbers of robots on a device."""
 DRAWN = {"robot.mass_kg": (18.0, 24.0), "effects.speed_gain.gain": (0.9, 1.0)}
 """Robots of the benchmark of drawn robots."""
 Round = Callable[[], tuple[float, float]]
@@ -112,6 +116,20 @@ def bare(model: Model, kind: RobotPlant, steps: int) -> Round:
     return play
 
 
+def on_device(robots: int, steps: int, device: str, chosen: Model) -> float:
+    """Return the seconds, by the clock, per robot and command period of a plant on a device of torch."""
+    batch = PlanarBatch(planar_robot(chosen), robots, device=device)
+    drawn = np.random.default_rng(0).uniform([-80, -180, -60], [80, 180, 60], (steps, robots, 3))
+    commands = np.round(drawn)
+    batch.step(commands[0])  # the first step makes ready what torch needs
+    batch.motion()
+    start = time.perf_counter()
+    for command in commands:
+        batch.step(command)
+        batch.motion()
+    return (time.perf_counter() - start) / (steps * robots)
+
+
 def measured(rounds: Mapping[str, Round], repeats: int) -> dict[str, tuple[list[float], list[float]]]:
     """Return the seconds and the shares of resets of all rounds by name, played in turn."""
     found: dict[str, tuple[list[float], list[float]]] = {name: ([], []) for name in rounds}
@@ -123,13 +141,16 @@ def measured(rounds: Mapping[str, Round], repeats: int) -> dict[str, tuple[list[
     return found
 
 
-def main(model: Path | None = None, out: Path | None = None, repeats: int = 7) -> None:
+def main(
+    model: Path | None = None, out: Path | None = None, repeats: int = 7, device: str | None = None
+) -> None:
     """Measure the batch and the environments of a model file on one core; print ratios beside their targets.
 
     Args:
         model: the model file; by default the packaged one.
         out: also write the results to this file, as JSON.
         repeats: rounds of the measurement.
+        device: also measure the plant on this device of torch, such as cuda.
     """
     chosen = paper_model() if model is None else read_model(model)
     arrays, rows = ROWS["arrays"], ROWS["mujoco"]
@@ -173,6 +194,14 @@ def main(model: Path | None = None, out: Path | None = None, repeats: int = 7) -
         Metric("one environment: share of resets, drawn", resets("one, planar, drawn"), high=0.05),
         Metric("one, rollers: share of resets, drawn", resets("one, rollers, drawn"), high=0.05),
     ]
+    if device is not None:
+        arrays_s = min(found["plant, arrays"][0])
+        for robots in ON_DEVICE:
+            taken_s = min(on_device(robots, 8, device, chosen) for _ in range(repeats))
+            metrics += [
+                Metric(f"plant on {device}, {robots} robots, best", 1 / taken_s, "env-steps/s"),
+                Metric(f"plant on {device}, {robots} robots: over one core", arrays_s / taken_s),
+            ]
     print_metrics(metrics)
     if out is not None:
         write_json(out, {"mujoco": mujoco.__version__, "figures": metric_rows(metrics)})

@@ -1,4 +1,5 @@
 from .here import map_in_threads, one_thread
+from .local import environment_of_workers
 from .tasks import Executor, Task, Tell, WorkerLostError
 from .workers import Workers, executor, run_tasks
 
@@ -8,6 +9,7 @@ __all__ = [
     "Tell",
     "WorkerLostError",
     "Workers",
+    "environment_of_workers",
     "executor",
     "map_in_threads",
     "one_thread",

@@ -100,7 +100,7 @@ class _Worker:
 
     def start(self) -> None:
         """Start the process."""
-        with _environment_of_workers():
+        with environment_of_workers():
             self.process.start()
             # With this end closed, the death of the process is the end of the pipe.
             self._theirs.close()
@@ -162,7 +162,7 @@ def _leave(_signal: int, _frame: FrameType | None) -> Any:
 
 
 @contextmanager
-def _environment_of_workers() -> Iterator[None]:
+def environment_of_workers() -> Iterator[None]:
     """Let a process that starts now have one thread for linear algebra, and leave Ctrl-C to its parent.
 
     An interrupt that arrives meanwhile is not lost: it is raised at the end of the block.

@@ -24,7 +24,7 @@ Sources of `PARAMETERS`, by the key in brackets:
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from types import MappingProxyType
 from typing import Any, Final
@@ -130,8 +130,8 @@ class Opponents:
                 drawn[name] = float(first), float(second)
             else:
                 drawn[name] = low + (high - low) * float(rng.random())
-        # All at once, since every replacement is checked.
-        return with_parameters(self.base, drawn)
+        # Between ends that were checked every number is right, and to check it takes longer than to draw it.
+        return _with_parameters(self.base, drawn, _unchecked)
 
 
 OpponentLike = Opponent | Opponents | Mapping[str, Ends]
@@ -180,10 +180,21 @@ def with_parameters(opponent: Opponent, values: Mapping[str, Any]) -> Opponent:
     Raises:
         InputError: a value that an opponent cannot have.
     """
-    changed = dict(values)
-    if _SWING in changed:
-        scale = float(changed.pop(_SWING))
-        changed["techniques"] = tuple(
-            replace(one, swing_s=scale * one.swing_s) for one in opponent.techniques
-        )
-    return replace(opponent, **changed)
+    return _with_parameters(opponent, values, replace)
+
+
+def _with_parameters(opponent: Opponent, values: Mapping[str, Any], changed: Callable[..., Any]) -> Opponent:
+    """Return an opponent with other parameters; `changed` copies a dataclass with some fields changed."""
+    own = dict(values)
+    if _SWING in own:
+        scale = float(own.pop(_SWING))
+        own["techniques"] = tuple(changed(one, swing_s=scale * one.swing_s) for one in opponent.techniques)
+    found: Opponent = changed(opponent, **own)
+    return found
+
+
+def _unchecked(frozen: Any, **fields_of: Any) -> Any:
+    """Return what `dataclasses.replace` does, without the checks of the class."""
+    copy = object.__new__(type(frozen))
+    copy.__dict__.update(frozen.__dict__, **fields_of)
+    return copy

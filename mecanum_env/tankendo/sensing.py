@@ -68,8 +68,9 @@ class Sensing:
         self.of: list[Senses] = [usual] * n
         """The senses of each episode."""
         self._numbers = {one.name: np.full(n, getattr(usual, one.name)) for one in fields(Senses)}
-        self._normal = np.zeros((steps + 1, _FRAME_NUMBERS * self._frames + _OWN_NUMBERS, n))
-        self._uniform = np.zeros((steps + 1, 2 * self._frames + 1, n))
+        # The numbers of an episode are together in memory: they are drawn at once.
+        self._normal = np.zeros((n, steps + 1, _FRAME_NUMBERS * self._frames + _OWN_NUMBERS))
+        self._uniform = np.zeros((n, steps + 1, 2 * self._frames + 1))
         self._lost = np.zeros((2, n), bool)
         self._done_s = np.full(n, np.nan)
         self._all, self._math = np.arange(n), mathematics(n)
@@ -80,8 +81,8 @@ class Sensing:
         self.of[row] = self._senses if isinstance(self._senses, Senses) else self._senses.draw(rng)
         for name, values in self._numbers.items():
             values[row] = getattr(self.of[row], name)
-        self._normal[:, :, row] = rng.standard_normal(self._normal.shape[:2])
-        self._uniform[:, :, row] = rng.random(self._uniform.shape[:2])
+        rng.standard_normal(out=self._normal[row])
+        rng.random(out=self._uniform[row])
         self._lost[:, row] = False
         self._done_s[row] = np.nan
         self.estimator.restart(row)
@@ -101,8 +102,8 @@ class Sensing:
         fresh = time_s != self._done_s
         if fresh.any():
             exact = np.asarray(truth.T, float)
-            step = np.minimum(np.rint(time_s / self._step_s).astype(np.intp), len(self._normal) - 1)
-            normal, uniform = self._normal[step, :, self._all].T, self._uniform[step, :, self._all].T
+            step = np.minimum(np.rint(time_s / self._step_s).astype(np.intp), self._normal.shape[1] - 1)
+            normal, uniform = self._normal[self._all, step].T, self._uniform[self._all, step].T
             own = self._own(exact, time_s, normal[-_OWN_NUMBERS:], uniform[-1])
             frames = [
                 self._frame(

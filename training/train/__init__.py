@@ -3,9 +3,11 @@
 settings       the settings of a run
 robots         late, slow and unknown robots to train on
 vec_env        the native environments as Stable-Baselines3 sees them, and the memory of a policy
+workers        the environments in several processes
 environments   what a run trains in: robots, opponents, senses
 privileged     what no sensor shows, for a critic or a teacher
 agent          PPO or SAC, and its export to a network that needs NumPy alone
+rollout        rollouts on the learner's device
 taught         PPO that imitates a teacher first
 run            training, and resuming after an interruption
 score          success in development episodes

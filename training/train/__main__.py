@@ -14,6 +14,7 @@ from mecanum_env.programs import Done
 from mecanum_env.tankendo.actions import ActionMode
 from training.train.settings import (
     Algorithm,
+    Device,
     Ppo,
     PrivilegedTo,
     Sac,
@@ -46,6 +47,8 @@ def main(
     teacher_steps: int = TrainingSettings.teacher_steps,
     start: Path | None = None,
     envs: int = TrainingSettings.envs,
+    workers: int = TrainingSettings.workers,
+    device: Device = TrainingSettings.device,
     action_mode: ActionMode = TrainingSettings.action_mode,
     stack: int = TrainingSettings.stack,
     checkpoint_every: int = TrainingSettings.checkpoint_every,
@@ -88,6 +91,8 @@ def main(
         teacher_steps: Number of steps for which it is imitated.
         start: Folder of another run whose weights are the initial ones.
         envs: Number of environments side by side.
+        workers: Number of processes that simulate them; the weights do not depend on it.
+        device: Where the networks learn: cpu, or cuda.
         action_mode: Meaning of an action: cartesian, polar or command.
         stack: Number of observations that the policy sees.
         checkpoint_every: Steps between two checkpoints.
@@ -119,6 +124,8 @@ def main(
         teacher_steps=teacher_steps,
         start=None if start is None else str(start),
         envs=envs,
+        workers=workers,
+        device=device,
         action_mode=action_mode,
         stack=stack,
         checkpoint_every=checkpoint_every,

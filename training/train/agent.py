@@ -19,6 +19,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 from mecanum_env.errors import InputError
 from training.controllers.policy import Network, bundled, load_network, policy_path
 from training.train.privileged import PRIVILEGED
+from training.train.rollout import RolloutOnDevice
 from training.train.settings import TrainingSettings
 from training.train.taught import TaughtPpo
 
@@ -85,10 +86,22 @@ class StateDependentStdPolicy(ActorCriticPolicy):  # type: ignore[misc]
 
 
 def make_agent(settings: TrainingSettings, env: VecEnv) -> BaseAlgorithm:
-    """Return a learner in `env` with new weights, drawn from the settings' seed."""
+    """Return a learner in `env` with new weights, drawn from the settings' seed.
+
+    Raises:
+        InputError: the settings ask for a GPU that this PyTorch does not find, or as of `teacher_of`.
+    """
+    if settings.device == "cuda" and not torch.cuda.is_available():
+        raise InputError(
+            f"device = cuda: PyTorch {torch.__version__} finds no GPU here; give cpu, or install another"
+        )
     # On networks this small more threads only wait for each other.
     torch.set_num_threads(1)
-    common: Any = {"learning_rate": _learning_rate(settings), "seed": settings.seed, "device": "cpu"}
+    common: Any = {
+        "learning_rate": _learning_rate(settings),
+        "seed": settings.seed,
+        "device": settings.device,
+    }
     if settings.algo == "sac":
         sac = settings.sac
         return SAC(
@@ -115,6 +128,7 @@ def make_agent(settings: TrainingSettings, env: VecEnv) -> BaseAlgorithm:
         StateDependentStdPolicy,
         env,
         n_steps=ppo.rollout_steps,
+        rollout_buffer_class=RolloutOnDevice,
         batch_size=min(ppo.batch_size, ppo.rollout_steps * settings.envs),
         n_epochs=ppo.epochs,
         gamma=ppo.gamma,

@@ -6,7 +6,7 @@ memory (`vec_env`), its monitor and its normaliser.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -26,6 +26,7 @@ from mecanum_env.tankendo.vector import TankendoVectorEnv
 from training.train.robots import level_models, varied_models
 from training.train.settings import TrainingSettings
 from training.train.vec_env import StackedVecEnv, TankendoVecEnv
+from training.train.workers import WorkersVecEnv
 
 _CLIP: Final = 10.0
 """Largest absolute value of a normalised observation."""
@@ -71,8 +72,13 @@ def warning_range(settings: TrainingSettings, steps_done: int) -> tuple[float, f
     return low, high
 
 
-def native_envs(settings: TrainingSettings, steps_done: int = 0) -> list[TankendoVectorEnv]:
-    """Return the native environments of the part of a training that begins after `steps_done`."""
+def native_envs(
+    settings: TrainingSettings, steps_done: int = 0, rows: range | None = None
+) -> list[TankendoVectorEnv]:
+    """Return the native environments of the part of a training that begins after `steps_done`.
+
+    They have all rows of the training, or some consecutive `rows` of them.
+    """
     arguments: dict[str, Any] = {
         "task": settings.task,
         "plant": settings.plant,
@@ -95,12 +101,37 @@ def native_envs(settings: TrainingSettings, steps_done: int = 0) -> list[Tankend
         randomize = varied_models(model, settings.latency_s, _ROBOTS, rng)
     kinds = [(one, senses) for one in models for senses in senses_of(settings)]
     # As evenly as possible; the first ones get one more.
-    sizes = [len(part) for part in np.array_split(np.arange(settings.envs), len(kinds))]
+    of_kinds = np.array_split(np.arange(settings.envs), len(kinds))
+    sizes = [sum(rows is None or row in rows for row in part.tolist()) for part in of_kinds]
     return [
         TankendoVectorEnv(size, model=one, senses=senses, randomize=randomize, **arguments)
         for (one, senses), size in zip(kinds, sizes, strict=True)
         if size
     ]
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Some consecutive environments of a training, those with the numbers `numbers`."""
+
+    settings: TrainingSettings
+    numbers: range
+
+    @property
+    def rows(self) -> int:
+        """How many they are."""
+        return len(self.numbers)
+
+    def make(self) -> VecEnv:
+        """Return them with the policy's memory."""
+        natives = native_envs(self.settings, 0, self.numbers)
+        env = TankendoVecEnv(*natives, margin_weight=self.settings.margin_weight)
+        return StackedVecEnv(env, self.settings.stack, privileged=self.settings.privileged != "none")
+
+    def renew(self, env: VecEnv, steps_done: int) -> None:
+        """Give `env` opponents and robots of the part of the training after `steps_done`; then reset it."""
+        env.unwrapped.close()
+        env.unwrapped.envs = tuple(native_envs(self.settings, steps_done, self.numbers))
 
 
 def engine_for(model: Model, plant: RobotPlant) -> Engine:
@@ -127,8 +158,22 @@ def senses_of(settings: TrainingSettings) -> list[Senses | VariedSenses | None]:
 
 def bare_env(settings: TrainingSettings) -> VecEnv:
     """Return the environments with the policy's memory, but without monitor and normaliser."""
-    natives = TankendoVecEnv(*native_envs(settings), margin_weight=settings.margin_weight)
-    return StackedVecEnv(natives, settings.stack, privileged=settings.privileged != "none")
+    if settings.workers < 2:
+        return Rows(settings, range(settings.envs)).make()
+    parts = np.array_split(np.arange(settings.envs), min(settings.workers, settings.envs))
+    return WorkersVecEnv([Rows(settings, range(part[0], part[-1] + 1)) for part in parts])
+
+
+def renew(env: VecEnv, settings: TrainingSettings, steps_done: int) -> None:
+    """Give the environments of a training robots and opponents of its part after `steps_done`.
+
+    Their next episodes have them: a reset must follow.
+    """
+    base = env.unwrapped
+    if isinstance(base, WorkersVecEnv):
+        base.renew(steps_done)
+    else:
+        Rows(settings, range(settings.envs)).renew(base, steps_done)
 
 
 def training_env(settings: TrainingSettings) -> VecNormalize:

@@ -47,8 +47,8 @@ from training.train.environments import (
     engine_for,
     episode_seeds,
     model_of,
-    native_envs,
     opponents_of,
+    renew,
     senses_of,
     training_env,
 )
@@ -290,8 +290,7 @@ def _begin_anew(agent: BaseAlgorithm, settings: TrainingSettings) -> None:
     env = agent.get_env()
     if settings.opponents == "varied" or settings.randomize == "varied":
         # Other opponents and robots from here on.
-        env.unwrapped.close()
-        env.unwrapped.envs = tuple(native_envs(settings, done))
+        renew(env, settings, done)
     env.unwrapped._seeds = episode_seeds(settings, done)
     agent._last_obs = env.reset()
     agent._last_episode_starts = np.ones(env.num_envs, bool)

@@ -30,6 +30,8 @@ PrivilegedTo = Literal["none", "critic", "both"]
 """Who sees the numbers of `training.train.privileged`: nobody, the critic alone, or also the actor, which is
 then no policy for a robot but the teacher of one."""
 
+Device = Literal["cpu", "cuda"]
+
 _LARGEST_SEED: Final = 2**32 - 1
 """Largest seed of NumPy's legacy generator, which Stable-Baselines3 seeds."""
 _MOST: Final = sys.float_info.max
@@ -141,6 +143,10 @@ class TrainingSettings:
     """Folder of a run to take the initial weights and normaliser from; None: new ones."""
     envs: int = 128
     """Number of environments side by side."""
+    workers: int = 1
+    """Number of processes that simulate them; the weights do not depend on it (`training.train.workers`)."""
+    device: Device = "cpu"
+    """Where the networks learn: this machine's processor, or its GPU by CUDA."""
     action_mode: ActionMode = "cartesian"
     stack: int = 2
     """Number of observations, 0.1 s apart, that the policy sees."""
@@ -163,6 +169,7 @@ class TrainingSettings:
             "opponents": get_args(TrainingOpponents),
             "senses": get_args(TrainingSenses),
             "privileged": get_args(PrivilegedTo),
+            "device": get_args(Device),
         }
         for name, known in choices.items():
             value = getattr(self, name)
@@ -172,7 +179,12 @@ class TrainingSettings:
                 )
         check_mode(self.action_mode)
         require_at_least(
-            1, steps=self.steps, envs=self.envs, stack=self.stack, checkpoint_every=self.checkpoint_every
+            1,
+            steps=self.steps,
+            envs=self.envs,
+            workers=self.workers,
+            stack=self.stack,
+            checkpoint_every=self.checkpoint_every,
         )
         for name in ("latency_s", "warning_s", "first_warning_s"):
             _require_range(name, getattr(self, name))

@@ -49,7 +49,7 @@ class TaughtPpo(PPO):  # type: ignore[misc]
         errors = []
         for _ in range(self.n_epochs):
             for batch in self.rollout_buffer.get(self.batch_size):
-                seen = self.get_env().unnormalize_obs(batch.observations.numpy())[:, self._shown]
+                seen = self.get_env().unnormalize_obs(batch.observations.cpu().numpy())[:, self._shown]
                 wanted = obs_as_tensor(self._teacher.actions(seen).astype(np.float32), self.device)
                 acted = self.policy.get_distribution(batch.observations).distribution.mean
                 value = self.policy.predict_values(batch.observations).flatten()
@@ -74,8 +74,8 @@ class TaughtPpo(PPO):  # type: ignore[misc]
         if [tuple(layer.weight.shape) for layer in linear] != [weight.shape for weight in teacher.weights]:
             return False
         for layer, weight, bias in zip(linear, teacher.weights, teacher.biases, strict=True):
-            layer.weight.data = torch.tensor(weight, dtype=torch.float32)
-            layer.bias.data = torch.tensor(bias, dtype=torch.float32)
+            layer.weight.data.copy_(torch.as_tensor(weight))
+            layer.bias.data.copy_(torch.as_tensor(bias))
         moments, size = normaliser.obs_rms, len(teacher.mean)
         moments.mean[:size], moments.var[:size] = teacher.mean, teacher.scale**2
         moments.count = _TAUGHT_COUNT

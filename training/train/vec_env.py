@@ -159,20 +159,21 @@ class StackedVecEnv(VecEnvWrapper):  # type: ignore[misc]
         observation, reward, done, infos = self.venv.step_wait()
         newest = features(observation)
         memory = stack_features(self._memory, newest, self._stack)
-        before = self._last
-        for row in np.flatnonzero(done).tolist():
-            last = features(infos[row]["terminal_observation"])
-            ended = stack_features(self._memory[row], last, self._stack)
-            # The episode's last privileged numbers are gone; only a time limit needs them.
-            infos[row]["terminal_observation"] = (
-                np.concatenate([ended, before[row]]) if self._privileged else ended
-            )
-            memory[row] = stack_features(None, newest[row], self._stack)
+        over = np.flatnonzero(done)
+        if over.size:
+            last = features(np.stack([infos[row]["terminal_observation"] for row in over.tolist()]))
+            ended = stack_features(self._memory[over], last, self._stack)
+            if self._privileged:
+                # The episode's last privileged numbers are gone; only a time limit needs them.
+                ended = np.concatenate([ended, self._last[over]], axis=-1)
+            for row, seen in zip(over.tolist(), ended, strict=True):
+                infos[row]["terminal_observation"] = seen
+            memory[over] = stack_features(None, newest[over], self._stack)
         self._memory = memory
         return self._with_privileged(memory), reward, done, infos
 
     def _with_privileged(self, memory: Array) -> Array:
         if not self._privileged:
-            return memory
+            return memory.astype(np.float32)
         self._last = np.concatenate([watcher.numbers() for watcher in self._watchers])
-        return np.concatenate([memory, self._last], axis=-1)
+        return np.concatenate([memory, self._last], axis=-1, dtype=np.float32)

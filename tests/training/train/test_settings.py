@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip("stable_baselines3")
+import torch
 
 from mecanum_env.cli import run
 from mecanum_env.errors import InputError
@@ -65,6 +66,13 @@ def test_bad_settings_are_refused(capsys):
 def test_a_number_that_cannot_be_trained_with_begins_no_run(arguments, message, tmp_path, capsys):
     assert run(main, ["--out", str(tmp_path / "run"), *arguments]) == 2
     assert message in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="this machine has a GPU")
+def test_a_gpu_that_is_not_there_is_refused_before_a_run_begins(tmp_path, capsys):
+    assert run(main, ["--out", str(tmp_path / "run"), "--device", "cuda"]) == 2
+    assert "finds no GPU here; give cpu" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
 
 

@@ -6,6 +6,7 @@ vec_env        the native environments as Stable-Baselines3 sees them, and the m
 workers        the environments in several processes
 environments   what a run trains in: robots, opponents, senses
 privileged     what no sensor shows, for a critic or a teacher
+actor_critic   the networks that PPO trains
 agent          PPO or SAC, and its export to a network that needs NumPy alone
 rollout        rollouts on the learner's device
 taught         PPO that imitates a teacher first

@@ -11,78 +11,17 @@ import numpy as np
 import torch
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.distributions import Distribution
-from stable_baselines3.common.policies import ActorCriticPolicy
-from stable_baselines3.common.torch_layers import MlpExtractor
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 from mecanum_env.errors import InputError
 from training.controllers.policy import Network, bundled, load_network, policy_path
+from training.train.actor_critic import PredictingPolicy, StateDependentStdPolicy
 from training.train.privileged import PRIVILEGED
 from training.train.rollout import RolloutOnDevice
 from training.train.settings import TrainingSettings
 from training.train.taught import TaughtPpo
 
-_LOG_STD_RANGE: Final = (-4.0, 0.5)
 _ACTIVATIONS: Final = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
-
-
-class ActorSeesLess(MlpExtractor):  # type: ignore[misc]
-    """The hidden layers of an actor that sees only the first `seen` of the numbers that its critic sees."""
-
-    def __init__(self, feature_dim: int, seen: int, *args: Any, **kwargs: Any) -> None:
-        super().__init__(feature_dim, *args, **kwargs)
-        self._seen = seen
-        self.policy_net = MlpExtractor(seen, *args, **kwargs).policy_net
-
-    def forward_actor(self, features: torch.Tensor) -> torch.Tensor:
-        """Return the last hidden layer of the actor for features, shape (n, all numbers)."""
-        return self.policy_net(features[:, : self._seen])
-
-
-class StateDependentStdPolicy(ActorCriticPolicy):  # type: ignore[misc]
-    """PPO's policy with a standard deviation of the actions that is an output of the actor's network.
-
-    The opponent strikes only at a slow robot, and noise that is large enough to discover evasions keeps the
-    robot too fast to be struck at. One standard deviation for all states would have to be either.
-
-    With `seen` the actor gets only the first `seen` numbers of an observation, and the critic all.
-    """
-
-    def __init__(self, *args: Any, seen: int | None = None, **kwargs: Any) -> None:
-        self._seen = seen
-        super().__init__(*args, **kwargs)
-
-    def _build_mlp_extractor(self) -> None:
-        if self._seen is None:
-            super()._build_mlp_extractor()
-            return
-        self.mlp_extractor = ActorSeesLess(
-            self.features_dim,
-            self._seen,
-            net_arch=self.net_arch,
-            activation_fn=self.activation_fn,
-            device=self.device,
-        )
-
-    def _build(self, lr_schedule: Callable[[float], float]) -> None:
-        super()._build(lr_schedule)
-        self.log_std_net = torch.nn.Linear(self.mlp_extractor.latent_dim_pi, self.action_space.shape[0])
-        self.reset_std(self.log_std_init)
-        self.log_std.requires_grad_(False)
-        learned = [parameter for parameter in self.parameters() if parameter.requires_grad]
-        self.optimizer = self.optimizer_class(learned, lr=lr_schedule(1.0), **self.optimizer_kwargs)
-
-    def reset_std(self, log_std: float) -> None:
-        """Give all states the same standard deviation, exp(`log_std`)."""
-        torch.nn.init.zeros_(self.log_std_net.weight)
-        torch.nn.init.constant_(self.log_std_net.bias, log_std)
-
-    def _get_action_dist_from_latent(self, latent_pi: torch.Tensor) -> Distribution:
-        log_std = self.log_std_net(latent_pi).clamp(*_LOG_STD_RANGE)
-        # Only read by Stable-Baselines3, which logs it as train/std.
-        self.log_std.data = log_std.detach().mean(dim=0)
-        return self.action_dist.proba_distribution(self.action_net(latent_pi), log_std)
 
 
 def make_agent(settings: TrainingSettings, env: VecEnv) -> BaseAlgorithm:
@@ -124,8 +63,15 @@ def make_agent(settings: TrainingSettings, env: VecEnv) -> BaseAlgorithm:
     if settings.teacher is not None:
         teacher = teacher_of(settings.teacher, settings)
         learner = partial(TaughtPpo, teacher=teacher, teacher_steps=settings.teacher_steps, features=features)
+    kind: type[StateDependentStdPolicy] = StateDependentStdPolicy
+    weights: dict[str, Any] = {}
+    entropy_weight = ppo.entropy_weight
+    if ppo.prediction_weight > 0.0:
+        # The policy weighs entropy and prediction itself, and PPO adds what it says as it is.
+        kind, entropy_weight = PredictingPolicy, 1.0
+        weights = {"entropy_weight": ppo.entropy_weight, "prediction_weight": ppo.prediction_weight}
     return learner(
-        StateDependentStdPolicy,
+        kind,
         env,
         n_steps=ppo.rollout_steps,
         rollout_buffer_class=RolloutOnDevice,
@@ -134,12 +80,13 @@ def make_agent(settings: TrainingSettings, env: VecEnv) -> BaseAlgorithm:
         gamma=ppo.gamma,
         gae_lambda=ppo.gae_lambda,
         clip_range=ppo.clip_range,
-        ent_coef=ppo.entropy_weight,
+        ent_coef=entropy_weight,
         policy_kwargs={
             "net_arch": {"pi": list(ppo.layers), "vf": list(ppo.layers)},
             "seen": seen if seen < size else None,
             "activation_fn": _ACTIVATIONS[ppo.activation],
             "log_std_init": ppo.log_std,
+            **weights,
         },
         **common,
     )

@@ -29,7 +29,8 @@ from mecanum_env.model import model_to_dict
 from mecanum_env.outputs import finish_interrupted, output_folder
 from mecanum_env.reading import read_bytes, read_json
 from training.controllers.policy import load_network, save_policy
-from training.train.agent import StateDependentStdPolicy, make_agent, network_of
+from training.train.actor_critic import StateDependentStdPolicy
+from training.train.agent import make_agent, network_of
 from training.train.environments import model_of, training_env
 from training.train.learner_files import REPLAY, read_replay, read_weights, write_learner
 from training.train.settings import TrainingSettings, settings_from_json

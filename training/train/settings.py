@@ -41,7 +41,9 @@ _NOT_NEGATIVE: Final = (0.0, _MOST, "a finite number of at least 0")
 _SHARE: Final = (0.0, 1.0, "a number from 0 to 1")
 _POSITIVE: Final = (1.0, _MOST, "at least 1")
 _RANGES: Final[Mapping[str, _Range]] = {
-    **dict.fromkeys(("learning_rate", "last_learning_rate", "clip_range"), _NOT_NEGATIVE),
+    **dict.fromkeys(
+        ("learning_rate", "last_learning_rate", "clip_range", "prediction_weight"), _NOT_NEGATIVE
+    ),
     **dict.fromkeys(("renewed_at", "learning_starts"), _NOT_NEGATIVE),
     **dict.fromkeys(("gamma", "gae_lambda"), _SHARE),
     **dict.fromkeys(("layers", "rollout_steps", "epochs", "updates_a_step", "buffer_size"), _POSITIVE),
@@ -72,6 +74,8 @@ class Ppo:
     """Clipping range of the probability ratio."""
     entropy_weight: float = 0.0
     """Weight of the entropy bonus."""
+    prediction_weight: float = 0.0
+    """Weight of a further task of the actor, whose critic sees more: to predict that from what it sees."""
     log_std: float = -0.7
     """Logarithm of the actions' standard deviation at the start; it then depends on the observation."""
     renewed_at: float = 0.4
@@ -192,6 +196,11 @@ class TrainingSettings:
             raise InputError(f"curriculum = {self.curriculum}, must be a number from 0 to 1")
         if self.privileged != "none" and self.algo != "ppo":
             raise InputError(f"privileged = {self.privileged!r}: only PPO has it")
+        if self.ppo.prediction_weight > 0.0 and self.privileged != "critic":
+            raise InputError(
+                f"ppo.prediction_weight = {self.ppo.prediction_weight}: the actor predicts what only its "
+                "critic sees; give privileged = critic"
+            )
         if self.teacher is not None and self.algo != "ppo":
             raise InputError(f"teacher = {self.teacher!r}: only PPO has one")
         require_at_least(0, teacher_steps=self.teacher_steps)

@@ -71,14 +71,30 @@ def with_times_by(model: Model, timed: LawFit, plain: LawFit, progress: Progress
 
 
 def _in_turns(plain: LawFit, progress: Progress, *, between_rows: bool) -> LawFit:
-    """Return the best of the fits of all turns, the plain one unless another is clearly better.
+    """Return the fit with the times of the best turn, the plain one unless that is clearly better.
 
-    The gain of the law is free meanwhile: one that cannot stay below its command tells no times.
+    The gain of the law is free in the turns: one that cannot stay below its command tells no times. Where
+    that finds none, the turns have the gain of 1 of the fit itself: a free gain follows what friction does to
+    the speed, and then tells no times either.
     """
-    path, options, tell = plain.path, plain.options, within(progress, STAGE)
-    quick = replace(options, methods=options.methods[:1], starts=min(3, options.starts), unit_gain=False)
-    free = fit_behind(replace(path, exact=True), plain.dataset, quick, silent)
-    best, found, link = free, free, None
+    tell = within(progress, STAGE)
+    for unit_gain in (False, True) if plain.options.unit_gain else (False,):
+        link = _link_in_turns(plain, progress, between_rows=between_rows, unit_gain=unit_gain)
+        if link is not None:
+            return _behind(link, plain.path, plain.options, tell)
+        progress = silent  # the stage is told once
+    return plain
+
+
+def _link_in_turns(
+    plain: LawFit, progress: Progress, *, between_rows: bool, unit_gain: bool
+) -> AlignedLogs | None:
+    """Return the aligned logs of the best turn; None if no turn is clearly better than one delay for all."""
+    path, tell = plain.path, within(progress, STAGE)
+    one_method = replace(plain.options, methods=plain.options.methods[:1], unit_gain=unit_gain)
+    quick = replace(one_method, starts=min(3, plain.options.starts))
+    alone = fit_behind(replace(path, exact=True), plain.dataset, quick, silent)
+    best, found, link = alone, alone, None
     for turn in range(_TURNS):
         logs = _aligned(plain, found, between_rows=between_rows)
         # A law that was fitted to the stamps may speak for them; one that was not decides.
@@ -92,9 +108,9 @@ def _in_turns(plain: LawFit, progress: Progress, *, between_rows: bool) -> LawFi
             best, link = found, logs
         elif turn > 0:
             break
-    if link is None or not link.delays.differ or _error(best) >= (1.0 - _WORTH) * _error(free):
-        return plain
-    return _behind(link, path, options, tell)
+    if link is None or not link.delays.differ or _error(best) >= (1.0 - _WORTH) * _error(alone):
+        return None
+    return link
 
 
 def _behind(logs: AlignedLogs, path: CommandPath, options: FitOptions, progress: Progress) -> LawFit:

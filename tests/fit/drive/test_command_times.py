@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from sysid.compare.links import AlignedLogs
 from sysid.compare.links.in_model import late_between_rows
 from sysid.compare.predicted import predict
 from sysid.fit import Fit, FitOptions, fit_dataset, fitted_model, pipeline
+from sysid.fit.drive import command_times
 from sysid.logs import BenchCommand, Dataset, Run
 
 MEAN_S, SPREAD_S = 0.1, 0.04
@@ -108,6 +110,31 @@ def test_times_that_hardly_help_beside_effects_are_not_adopted(
     for error, adopted in ((0.6, False), (0.4, True)):
         monkeypatch.setattr(pipeline, "_held_out_rpm", lambda fit, e=error: e if fit.link else 1.0)
         assert (fit_dataset(logs(0.0), QUICK).link is not None) is adopted
+
+
+def test_a_gain_of_one_tells_the_times_that_a_free_gain_does_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    turns, gains = command_times._link_in_turns, []
+
+    def without_free_gain(*given: Any, unit_gain: bool, **options: Any) -> AlignedLogs | None:
+        gains.append(unit_gain)
+        return turns(*given, unit_gain=True, **options) if unit_gain else None
+
+    monkeypatch.setattr(command_times, "_link_in_turns", without_free_gain)
+    fit = fit_dataset(rows_logs(between=True), QUICK)
+    assert gains == [False, True]
+    assert fit.link is not None
+    assert late_between_rows(fitted_model(fit)) is not None
+
+
+def test_a_fit_whose_gain_is_free_tries_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    gains = []
+
+    def none(*_: Any, unit_gain: bool, **__: Any) -> None:
+        gains.append(unit_gain)
+
+    monkeypatch.setattr(command_times, "_link_in_turns", none)
+    assert fit_dataset(rows_logs(between=True), replace(QUICK, unit_gain=False)).link is None
+    assert set(gains) == {False}
 
 
 def test_times_between_rows_are_one_stage_of_the_fit() -> None:

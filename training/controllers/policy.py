@@ -39,7 +39,7 @@ from mecanum_env.units import FloatArray
 from training.controllers.interface import Command
 
 FORMAT: Final = "mecanum-policy/1"
-_DEFAULT: Final = "robust"
+_DEFAULT: Final = "predicting"
 """Name of the default bundled policy."""
 _FOLDER: Final = Path(__file__).parent.parent / "policies"
 _HINT: Final = "give policy.npz of a folder that `python -m training.train` wrote"

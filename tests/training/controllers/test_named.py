@@ -97,7 +97,7 @@ def test_a_bundled_policy_is_a_controller_by_its_name(name):
 
 
 def test_the_policy_is_a_bundled_one():
-    assert policy_path("policy") == bundled() == policy_path("robust")
+    assert policy_path("policy") == bundled() == policy_path("predicting")
     assert policy_path("mpc") is None
 
 

@@ -62,8 +62,9 @@ def main(
     Example: python -m training.train --out out/ppo --steps 2000000
 
     On robots that are late and slow, against opponents of all kinds: python -m training.train --out out/late
-    --randomize varied --opponents varied --senses mixed --stack 6 --privileged critic. docs/training.md tells
-    what each option is worth, and a quicker way for such robots, python -m training.train.planned.
+    --randomize varied --opponents varied --senses mixed --stack 6 --privileged critic
+    --ppo.prediction-weight 10. docs/training.md tells what each option is worth, and a quicker way for such
+    robots, python -m training.train.planned.
 
     Args:
         out: Folder to write; a robot runs the policy.npz in it, which is that of the best checkpoint.

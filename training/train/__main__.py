@@ -48,6 +48,7 @@ def main(
     start: Path | None = None,
     envs: int = TrainingSettings.envs,
     workers: int = TrainingSettings.workers,
+    threads: int = TrainingSettings.threads,
     device: Device = TrainingSettings.device,
     action_mode: ActionMode = TrainingSettings.action_mode,
     stack: int = TrainingSettings.stack,
@@ -93,6 +94,7 @@ def main(
         start: Folder of another run whose weights are the initial ones.
         envs: Number of environments side by side.
         workers: Number of processes that simulate them; the weights do not depend on it.
+        threads: Number of threads of the networks on the processor; the weights depend on it.
         device: Where the networks learn: cpu, or cuda.
         action_mode: Meaning of an action: cartesian, polar or command.
         stack: Number of observations that the policy sees.
@@ -126,6 +128,7 @@ def main(
         start=None if start is None else str(start),
         envs=envs,
         workers=workers,
+        threads=threads,
         device=device,
         action_mode=action_mode,
         stack=stack,

@@ -34,8 +34,7 @@ def make_agent(settings: TrainingSettings, env: VecEnv) -> BaseAlgorithm:
         raise InputError(
             f"device = cuda: PyTorch {torch.__version__} finds no GPU here; give cpu, or install another"
         )
-    # On networks this small more threads only wait for each other.
-    torch.set_num_threads(1)
+    torch.set_num_threads(settings.threads)
     common: Any = {
         "learning_rate": _learning_rate(settings),
         "seed": settings.seed,

@@ -149,6 +149,9 @@ class TrainingSettings:
     """Number of environments side by side."""
     workers: int = 1
     """Number of processes that simulate them; the weights do not depend on it (`training.train.workers`)."""
+    threads: int = 1
+    """Number of threads of the networks on the processor. Rounding, and so the weights, depend on it; small
+    networks and minibatches gain nothing by more than one."""
     device: Device = "cpu"
     """Where the networks learn: this machine's processor, or its GPU by CUDA."""
     action_mode: ActionMode = "cartesian"
@@ -187,6 +190,7 @@ class TrainingSettings:
             steps=self.steps,
             envs=self.envs,
             workers=self.workers,
+            threads=self.threads,
             stack=self.stack,
             checkpoint_every=self.checkpoint_every,
         )

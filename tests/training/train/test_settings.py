@@ -15,6 +15,7 @@ from mecanum_env.model import paper_model
 from mecanum_env.senses import VariedSenses
 from mecanum_env.tankendo import Opponents
 from training.train.__main__ import main
+from training.train.agent import make_agent
 from training.train.checkpoint import State
 from training.train.environments import bare_env, episode_seeds, training_env
 from training.train.robots import level_models
@@ -74,6 +75,18 @@ def test_a_gpu_that_is_not_there_is_refused_before_a_run_begins(tmp_path, capsys
     assert run(main, ["--out", str(tmp_path / "run"), "--device", "cuda"]) == 2
     assert "finds no GPU here; give cpu" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_networks_have_as_many_threads_as_the_settings_say():
+    before = torch.get_num_threads()
+    try:
+        for threads in (2, 1):
+            make_agent(replace(SMALL, threads=threads), training_env(SMALL))
+            assert torch.get_num_threads() == threads
+    finally:
+        torch.set_num_threads(before)
+    with pytest.raises(InputError, match="threads = 0, must be at least 1"):
+        replace(SMALL, threads=0)
 
 
 def test_levels_are_robots_side_by_side():

@@ -2,6 +2,7 @@
 
 import json
 import pickle
+from dataclasses import replace
 
 import gymnasium
 import numpy as np
@@ -34,6 +35,17 @@ def test_an_opponent_is_drawn_for_each_episode_from_its_seed(form):
     assert all(0.15 <= one.sight_delay_s <= 0.3 for one in first)
     assert all(0.2 <= one.patience_s[0] <= one.patience_s[1] <= 1.6 for one in first)
     assert {one.aim_noise_m for one in first} == {Opponent().aim_noise_m}
+
+
+def test_what_is_drawn_without_checks_passes_them_and_is_the_same():
+    ranges = {one.name: one.ends for one in PARAMETERS}
+    opponents, rng = Opponents(Opponent(), ranges), np.random.default_rng(5)
+    for _ in range(50):
+        one = opponents.draw(rng)
+        checked = replace(one, techniques=tuple(replace(each) for each in one.techniques))
+        assert checked == one
+        assert hash(checked) == hash(one)
+        assert one != opponents.base
 
 
 def test_start_and_noise_of_a_seed_do_not_depend_on_the_opponents(make):

@@ -51,7 +51,8 @@ class Point:
     wall_s: float
     """Training time until now by the clock [s]."""
     processor_s: float
-    """Training time until now by the processor [s]: the time that it takes on an idle machine."""
+    """Training time until now by the processor [s], of all threads of this process, but without those of
+    `workers`: with one of each the time that it takes on an idle machine."""
 
 
 @dataclass(frozen=True)

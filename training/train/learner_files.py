@@ -68,7 +68,7 @@ def read_weights(folder: Path, agent: BaseAlgorithm, normaliser: VecNormalize) -
             own = recursive_getattr(agent, name) if name in known else None
             if own is None or own.shape != tensor.shape:
                 raise ValueError(f"another {name}")
-            own.data = tensor.data
+            own.data = tensor.data.to(own.device)
         stored = _arrays(folder / NORMALISER)
         for own, prefix in ((normaliser.obs_rms, "obs"), (normaliser.ret_rms, "ret")):
             found = {name: stored[f"{prefix}_{name}"] for name in _MOMENTS}

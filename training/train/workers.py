@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 from stable_baselines3.common.vec_env import VecEnv
 
+from mecanum_env.errors import MachineError, MecanumError
 from mecanum_env.parallel import environment_of_workers
 
 Array = npt.NDArray[Any]
@@ -44,7 +45,8 @@ class Part(Protocol):
 class WorkersVecEnv(VecEnv):  # type: ignore[misc]
     """An environment whose parts are in processes, one each; their rows follow each other.
 
-    Its methods raise RuntimeError if a process has ended, or with the error that it raised as the cause.
+    Its methods raise MachineError if a process has ended, an error of this project that a process raised, and
+    RuntimeError with any other as its cause.
     """
 
     render_mode = None
@@ -123,9 +125,12 @@ class WorkersVecEnv(VecEnv):  # type: ignore[misc]
             try:
                 answer = pipe.recv()
             except (EOFError, OSError) as error:
-                raise RuntimeError(
-                    f"the process with environments {rows.start} to {rows.stop - 1} ended"
+                raise MachineError(
+                    f"the process with environments {rows.start} to {rows.stop - 1} ended, perhaps for "
+                    "lack of memory; go on with --resume and the folder of the run"
                 ) from error
+            if isinstance(answer, MecanumError):
+                raise answer
             if isinstance(answer, BaseException):
                 raise RuntimeError("a process with environments failed") from answer
             found.append(answer)

@@ -9,6 +9,7 @@ import pytest
 
 pytest.importorskip("stable_baselines3")
 
+from mecanum_env.errors import InputError, MachineError
 from training.controllers.policy import load_policy
 from training.train.environments import Rows, bare_env, episode_seeds, native_envs, renew
 from training.train.run import train_policy
@@ -72,7 +73,7 @@ def test_the_death_of_a_process_is_told_with_its_rows():
     env = bare_env(SETTINGS)
     env.reset()
     os.kill(env._processes[1].pid, signal.SIGKILL)
-    with pytest.raises(RuntimeError, match="environments 4 to 7 ended"):
+    with pytest.raises(MachineError, match="environments 4 to 7 ended"):
         env.step(np.zeros((12, 3), np.float32))
     env.close()
 
@@ -91,6 +92,22 @@ def test_an_error_in_a_process_is_the_cause_of_the_one_here():
     with pytest.raises(RuntimeError, match="a process with environments failed") as raised:
         env.renew(5)
     assert str(raised.value.__cause__) == "2 rows have no robots after 5"
+    env.close()
+
+
+@dataclass(frozen=True)
+class Refused(Rows):
+    """Rows whose robots are refused."""
+
+    def renew(self, env, steps_done):
+        """Refuse."""
+        raise InputError(f"{env.num_envs} rows are refused after {steps_done}")
+
+
+def test_a_refusal_in_a_process_is_one_here():
+    env = WorkersVecEnv([Refused(SETTINGS, range(2))])
+    with pytest.raises(InputError, match="2 rows are refused after 5"):
+        env.renew(5)
     env.close()
 
 

@@ -98,3 +98,21 @@ def test_a_small_rise_counts_only_if_pieces_of_the_runs_agree_about_it(
 
     assert rises(problem, before, raised(5))
     assert not rises(problem, before, raised(1))
+
+
+@pytest.mark.parametrize("same_commands", [False, True])
+def test_beside_a_robots_fit_a_set_must_not_miss_it_by_more_unless_the_commands_are_those_of_the_fit(
+    bench_logs: MakeLogs, base: Model, same_commands: bool
+) -> None:
+    """A slow error weighs little beside an own error that may last, and is no smaller for that."""
+    observations = observe(bench_logs(base))
+    noise = measure_noise(bench_logs(base), observations)
+    lasting = ModelError({"speed_rpm": ChannelError(settled=3.0, transient=0.0, correlation_s=5.0)})
+    problem = ResidualProblem(base, Whitener(observations, noise, lasting))
+    problem.knows_all, problem.same_commands = True, same_commands
+    before = base_fit(problem, EMPTY)
+    parts = problem.whitener.unwhiten(problem.marginal_inverse(before.residual))
+    slower = [0.9 * part + NOISE_RPM for part in parts]
+    after = replace(before, residual=problem.marginal(problem.whitener.whiten(slower)))
+    assert after.cost < before.cost
+    assert rises(problem, before, after) is not same_commands

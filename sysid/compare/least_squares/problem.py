@@ -99,6 +99,8 @@ class ResidualProblem:
         self.knows_all = learned is not None and not self.bench
         """Whether what every effect would do is among the model's own error, as far as the logs of its fit
         leave that open, so that only what is new counts."""
+        self.same_commands = isinstance(learned, RepeatedCommands)
+        """Whether the logs of the fit have the same commands, so that what the model errs by was measured."""
         self.correction = np.zeros(self.size)
         """What the logs of the fit say that the base model errs by, (N,); taken off what was measured."""
         if learned is not None:

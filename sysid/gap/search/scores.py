@@ -40,6 +40,7 @@ from sysid.compare.least_squares import (
 )
 from sysid.compare.measured import Observations
 from sysid.compare.search_space import EffectSet
+from sysid.gap.search.plain_squares import mean_squares
 from sysid.gap.search.thresholds import THRESHOLDS
 
 _PIECE_S: Final = 1.0
@@ -159,10 +160,15 @@ def rises(problem: ResidualProblem, base: Fitted[Any], fitted: Fitted[Any]) -> b
     small rise must be larger than what pieces of the runs differ by, as a one-sided t test tells: in a few
     seconds a set that is right may do a little worse by chance. The error is the plain one, except where the
     logs of the fit told what every effect does: there the plain one is mostly that of the model, which
-    differs from run to run, and what is left beside it counts, in every command sequence.
+    differs from run to run, and what is left beside it counts, in every command sequence. In other commands
+    than those of the fit the plain one of all runs counts, too: what those logs say of the error there is an
+    extrapolation, and a set may lower what is left beside it by having the model miss the robot by more.
     """
     if problem.knows_all:
-        return _rises_somewhere(problem, base, fitted)
+        return _rises_somewhere(problem, base, fitted) or (
+            not problem.same_commands
+            and mean_squares(problem, fitted) > THRESHOLDS.rms_rise**2 * mean_squares(problem, base)
+        )
     before, after = (_plain_squares(problem, one) for one in (base, fitted))
     if np.sum(after) <= THRESHOLDS.rms_rise**2 * np.sum(before):
         return False

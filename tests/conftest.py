@@ -36,6 +36,7 @@ settings.load_profile("deterministic")
 LONGEST = (
     "docs/test_blocks.py",
     "fit/effects/test_drive_effects.py",
+    "fit/robot/test_simple_robot.py",
     "regression/test_own_robots.py",
     "test_close_the_loop.py",
     "test_onto_a_robot.py",

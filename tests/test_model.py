@@ -60,6 +60,7 @@ def models(draw):
         draw(st.integers(4, 24)),
         draw(POSITIVE),
         draw(st.floats(0.0, 100.0)),
+        draw(st.floats(0.0, 1.0)),
         draw(POSITIVE),
         draw(POSITIVE),
     )
@@ -189,6 +190,7 @@ BAD_VALUES = [
     ("robot.wheel_radius", 0.05, 'robot.wheel_radius: unknown name (did you mean "wheel_radius_m"?)'),
     ("robot.yaw_inertia_kg_m2", 0, "robot.yaw_inertia_kg_m2 = 0.0, must be a finite number above 0"),
     ("robot.servo_integral_n_m_rad", -1, "robot.servo_integral_n_m_rad = -1.0, must be a finite number at"),
+    ("robot.servo_windup", 1.5, "robot.servo_windup = 1.5, must be a number from 0 to 1"),
     ("robot.friction", 0, "robot.friction = 0.0, must be a finite number above 0"),
     ("robot.rollers_per_wheel", 10.5, "robot.rollers_per_wheel = 10.5, must be a whole number 4..24"),
     ("robot.rollers_per_wheel", 3, "robot.rollers_per_wheel = 3, must be a whole number 4..24"),

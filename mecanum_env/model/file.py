@@ -44,7 +44,7 @@ def model_to_dict(model: Model) -> dict[str, Any]:
             **model.extra.get("wheel", {}),
         },
         "robot": {
-            **{name: getattr(model.robot, name) for name in ROBOT_NUMBERS},
+            **{name: getattr(model.robot, name) for name in ROBOT_NUMBERS if _is_written(name, model.robot)},
             **({"wheels": wheels_to_json(model.robot.wheels)} if model.robot.wheels else {}),
             **model.extra.get("robot", {}),
         },
@@ -60,6 +60,11 @@ def model_to_dict(model: Model) -> dict[str, Any]:
             wheel: {name: getattr(law, name) for name in COEFFICIENTS} for wheel, law in model.wheels.items()
         }
     return value
+
+
+def _is_written(name: str, robot: Robot) -> bool:
+    """Return whether the file has a number of the robot: 0 of a later version's number is left out."""
+    return name != "servo_windup" or robot.servo_windup > 0.0
 
 
 def model_from_dict(value: Any) -> Model:

@@ -58,6 +58,9 @@ class Robot:
     """Torque per wheel-speed error [N m s/rad]: how stiffly the drive holds the law's speed under load."""
     servo_integral_n_m_rad: float = 0.0
     """Torque per integrated speed error [N m/rad]; above 0 friction leaves no steady-state loss."""
+    servo_windup: float = 0.0
+    """Share of the speed error that the integral takes up while the torque is limited: 0 where it then stands
+    still, 1 in a controller without anti-windup, which overshoots after every large step."""
     torque_limit_n_m: float = 1.5
     """Largest torque of a drive on its wheel [N m].
 
@@ -82,6 +85,8 @@ class Robot:
         for name in (*positive, "servo_n_m_s_rad", "torque_limit_n_m", "friction"):
             _require(f"robot.{name}", getattr(self, name), 0.0, strict=True)
         _require("robot.servo_integral_n_m_rad", self.servo_integral_n_m_rad, 0.0)
+        if not 0.0 <= self.servo_windup <= 1.0:
+            raise InputError(f"robot.servo_windup = {self.servo_windup}, must be a number from 0 to 1")
         if not 4 <= self.rollers_per_wheel <= 24 or self.rollers_per_wheel != int(self.rollers_per_wheel):
             raise InputError(
                 f"robot.rollers_per_wheel = {self.rollers_per_wheel}, must be a whole number 4..24"

@@ -234,7 +234,7 @@ void chain_end(Drive* s, const double* p, const Substep* now, double asked, doub
   if (!is_light(p)) s->gap = clip(before + h * (unloaded(s, p) - speed), -half, half);
   // The error of the motor, which turns without the wheel inside the gap.
   double error = s->setpoint - speed - (s->gap - before) / h;
-  // The integral does not wind up while the torque is limited.
+  // While the torque is limited, the integral winds up by a share of the error only, mostly by none.
   int limit = (asked > delivered && error > 0) || (asked < delivered && error < 0);
-  if (!limit) s->integral += h * error;
+  s->integral += (limit ? p[WINDUP] : 1.0) * h * error;
 }

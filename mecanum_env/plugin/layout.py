@@ -130,6 +130,7 @@ def userdata(robot: Robot, drive: DriveParameters, torque_limit_n_m: float | Non
     if drive.knots_rpm:
         values |= map_numbers(drive.knots_rpm, drive.values_rpm)
     values["servo_integral_n_m_rad"] = robot.servo_integral_n_m_rad
+    values["servo_windup"] = robot.servo_windup
     values["torque_limit_n_m"] = np.minimum(limit, NO_TORQUE_LIMIT)
     numbers = [_off(values.get(name, 0.0), math.inf) for name in USER] + _UNUSED
     programs = [getattr(drive, name) for name in PROGRAMS]

@@ -82,7 +82,8 @@
   X(SUPPLY_PER_VOLT, "supply_per_volt", NOT_BELOW_0)        \
   X(GAP_SWING, "gap_swing_rad_s", NOT_BELOW_0)              \
   X(GAP_DAMPING, "gap_damping", NOT_BELOW_0)                \
-  X(GAP_SLOWING, "gap_slowing_rad_s2", NOT_BELOW_0)
+  X(GAP_SLOWING, "gap_slowing_rad_s2", NOT_BELOW_0)         \
+  X(WINDUP, "servo_windup", PART)
 
 // What the wheel does while the motor crosses the backlash, as values of GAP_KIND.
 enum { COAST, LIGHT };

@@ -109,9 +109,9 @@ def end(
         gap, s.gap = s.gap, parts.xp.where(is_light(p), s.gap, moved)
         # The error of the motor, which turns without the wheel inside the gap.
         error = error - (s.gap - gap) / h
-    # The integral does not wind up while the torque is limited.
+    # While the torque is limited, the integral winds up by a share of the error only, mostly by none.
     limited = ((acted.asked > acted.drive) & (error > 0)) | ((acted.asked < acted.drive) & (error < 0))
-    s.integral = parts.xp.where(limited, s.integral, s.integral + h * error)
+    s.integral = s.integral + parts.xp.where(limited, p["servo_windup"], 1.0) * h * error
 
 
 def _unloaded(s: DriveState, p: Sets) -> FloatArray:

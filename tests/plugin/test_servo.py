@@ -60,6 +60,23 @@ def test_the_integral_stops_at_the_torque_limit(compile_wheels, free_model):
     assert back.max() < 1.2 * target
 
 
+def test_a_servo_without_anti_windup_overshoots_by_what_it_has_stored(compile_wheels, free_model):
+    """Held back for a second it stores the error of that second, or the share of it that it winds up by."""
+    target, held = 60.0 * RAD_S_PER_RPM, 1.0
+    peaks = []
+    for windup in (0.0, 0.5, 1.0):
+        servo = {"torque_limit_n_m": 1.0, "servo_integral_n_m_rad": 20.0, "servo_windup": windup}
+        mjmodel = compile_wheels(free_model(**servo))
+        data = mujoco.MjData(mjmodel)
+        backwards = drive(mjmodel, data, 60.0, 3.0, held)
+        stored = np.sum(target - backwards[round(0.3 / STEP) :]) * STEP
+        assert drive_state(mjmodel, data)["integral"][0] >= windup * stored
+        back = drive(mjmodel, data, 60.0, 0.0, 60.0)
+        assert back[-1] == pytest.approx(target, abs=1e-3)
+        peaks.append(back.max() / target)
+    assert peaks[0] < 1.2 < peaks[1] < peaks[2]
+
+
 def test_the_integral_waits_while_actuation_is_off(compile_wheels, free_model):
     mjmodel = compile_wheels(free_model(servo_integral_n_m_rad=20.0))
     data = mujoco.MjData(mjmodel)

@@ -35,7 +35,7 @@ def fitted_model(fit: Fit, robot: Robot | None = None) -> Model:
     around = fit.options.robot if robot is None else robot
     if fit.robot is not None:
         fitted: dict[str, Any] = {p.name: p.value for p in fit.robot.parameters if p.fitted}
-        around = replace(around, **fitted)
+        around = replace(around, **fitted, servo_windup=fit.robot.robot.servo_windup)
     model = Model(
         wheel=wheel_model(path, found),
         wheels={wheel: estimate.law for wheel, estimate in fit.wheels.items()},

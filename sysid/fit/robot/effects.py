@@ -13,8 +13,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-import numpy as np
-
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.law.stability import POLE_LIMIT
 from mecanum_env.model import Model
@@ -27,7 +25,7 @@ from sysid.compare.search_space import robot_deviations
 from sysid.fit.effects import DriveEffects, EffectSearch, HeldOut, Reached, searched
 from sysid.fit.robot.grip import RobotParameter
 from sysid.fit.robot.output_error import PlantData
-from sysid.fit.robot.simple_robot import ROBOT_NUMBERS, simple_robot
+from sysid.fit.robot.simple_robot import ROBOT_NUMBERS, simple_robots
 from sysid.logs import Dataset
 from sysid.progress import Progress, silent
 
@@ -103,12 +101,14 @@ def find_robot_effects(
     before, before_rpm = held_out.errors(alone)
     names = tuple(name for name in ROBOT_NUMBERS if name not in given)
     known = {name: CATALOGUE[name] for name in _KNOWN}
-    start = simple_robot(alone, given, data, progress)
-    search = EffectSearch(start, whitener, held_out, POLE_LIMIT, known, names)
-    first = search.begin()
-    if first is None:
+    starts = simple_robots(alone, given, data, progress)
+    searches = [EffectSearch(start, whitener, held_out, POLE_LIMIT, known, names) for start in starts]
+    began = [first for search in searches if (first := search.begin()) is not None]
+    if not began:
         return None
-    reached = searched([search], [first], progress, _ROUNDS, _WIDTH, _PRUNED)
+    # Only a law of full order tells which integral it is.
+    first = min(began, key=lambda one: one.price(min(each.inflation for each in began)))
+    reached = searched(searches, [first], progress, _ROUNDS, _WIDTH, _PRUNED)
     best = next((one for one in reached if one.held_out <= _BETTER * before), None)
     if best is None:
         return None
@@ -126,8 +126,7 @@ def _parameters(best: Reached, names: Sequence[str], given: Sequence[str]) -> tu
         if name in given:
             found.append(RobotParameter(name, value, math.nan, False, "given, so not fitted"))
         else:
-            error = value * deviations[names.index(name)]
-            found.append(
-                RobotParameter(name, value, float(error), bool(np.isfinite(error)), "fitted with the law")
-            )
+            # A limit that the logs never reach is part of the model, too, although its error is not known.
+            error = float(value * deviations[names.index(name)])
+            found.append(RobotParameter(name, value, error, True, "fitted with the law"))
     return tuple(found)

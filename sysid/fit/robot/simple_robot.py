@@ -5,7 +5,9 @@ platform ramps its commands or the rollers have friction, the same step of the c
 driving straight, sideways and turning, and a law that was fitted to the wheels describes none of them. A lag,
 a delay and a gain, a servo with integral action and a torque limit, yaw inertia, friction of wheels and
 rollers and ramps have so few numbers that least squares finds them from the best of many places; law,
-robot and effects are then fitted together from there (`sysid.fit.robot.effects`).
+robot and effects are then fitted together from there (`sysid.fit.robot.effects`). Many home-made controllers
+go on integrating while their voltage or current is limited, and overshoot after every large step: that is
+tried, too.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 from scipy.optimize import least_squares
 from scipy.stats import qmc
 
@@ -24,22 +27,25 @@ from mecanum_env.kinematics import WHEELS, wheels_to_body
 from mecanum_env.law import WheelLaw
 from mecanum_env.mjcf.geometry import wheel_geometry
 from mecanum_env.model import Model
-from mecanum_env.units import FloatArray
+from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 from sysid.fit.robot.output_error import PlantData
 from sysid.logs import Run
 from sysid.progress import Progress, silent
 
 ROBOT_NUMBERS: Final = ("servo_n_m_s_rad", "servo_integral_n_m_rad", "torque_limit_n_m", "yaw_inertia_kg_m2")
 """Parameters of the robot that are searched, unless they were measured."""
-_TRIED: Final = 128
+_TRIED: Final = 64
 """Places that are tried without ramps and with each choice of them: a Sobol sequence, so a power of two.
 Assumed, as are the numbers below."""
-_DESCENDED: Final = 5
-"""Places that are descended from, of those tried with the same ramps, and the number of steps."""
+_DESCENDED: Final = 4
+"""Places that are descended from, of those tried with the same ramps and the same integral, and the number of
+steps."""
 _STEPS: Final = 8
-_BEST: Final = 3
+_BEST: Final = 2
 """Places that are descended from with small steps, of those, and the number of steps."""
 _LAST_STEPS: Final = 25
+WINDUPS: Final = (0.0, 1.0)
+"""Values of `servo_windup` that are tried, unless it is given: with anti-windup and without."""
 _ASTRAY: Final = 1e3
 """Residual of a model that cannot be simulated, in standard deviations of the noise."""
 _STANDARD_GRAVITY_M_S2: Final = 9.81
@@ -47,10 +53,12 @@ _STANDARD_GRAVITY_M_S2: Final = 9.81
 
 @dataclass(frozen=True)
 class _Number:
-    """A number of the simple robot: its bounds."""
+    """A number of the simple robot: its bounds, and between what it is tried."""
 
     low: float
     high: float
+    tried: tuple[float, float] | None = None
+    """None: around what the logs show."""
     logarithmic: bool = False
 
     def at(self, share: float) -> float:
@@ -59,34 +67,42 @@ class _Number:
             return float(self.low * (self.high / self.low) ** share)
         return self.low + share * (self.high - self.low)
 
-    def share(self, value: FloatArray) -> FloatArray:
-        """Return the inverse of `at` of numbers with logarithmic bounds, within the bounds."""
-        return np.asarray(np.clip(np.log(value / self.low) / math.log(self.high / self.low), 0.0, 1.0))
+    def share(self, value: npt.ArrayLike) -> FloatArray:
+        """Return the inverse of `at` of numbers, within the bounds."""
+        low, high, numbers = self.low, self.high, np.asarray(value, float)
+        if self.logarithmic:
+            numbers, low, high = np.log(numbers), math.log(low), math.log(high)
+        return np.asarray(np.clip((numbers - low) / (high - low), 0.0, 1.0))
+
+    def between(self, ends: tuple[float, float], share: FloatArray) -> FloatArray:
+        """Return shares of the way between the bounds, for a `share` of that between two numbers."""
+        first, last = self.share(ends)
+        return np.asarray(first + share * (last - first))
 
 
 _NO_RAMP_RPM_S: Final = 1e5
 _RAMP_RPM_S: Final = 2e4  # that a log may show
 _NUMBERS: Final = {
-    "lag_s": _Number(0.003, 0.5, logarithmic=True),
-    "delay_s": _Number(0.0, 0.2),
-    "gain": _Number(0.7, 1.1),
+    "lag_s": _Number(0.003, 0.5, (0.005, 0.1), logarithmic=True),
+    "delay_s": _Number(0.0, 0.2, (0.0, 0.08)),
+    "gain": _Number(0.7, 1.3, (0.95, 1.05)),
     # Of the robot's mass behind the servo, driving straight.
-    "servo_lag_s": _Number(0.005, 1.0, logarithmic=True),
-    "integral_s": _Number(0.02, 50.0, logarithmic=True),
-    "acceleration_rad_s2": _Number(10.0, 3000.0, logarithmic=True),
-    # Of a plate with the wheels at its corners. The rotors of geared motors make it several times as large.
-    "yaw_inertia": _Number(0.4, 8.0, logarithmic=True),
+    "servo_lag_s": _Number(0.005, 1.0, (0.02, 0.3), logarithmic=True),
+    "integral_s": _Number(0.02, 50.0, (0.05, 2.0), logarithmic=True),
+    "acceleration_rad_s2": _Number(3.0, 3000.0, logarithmic=True),
+    # Of a plate with the wheels at its corners. The rotors of geared motors make it many times as large.
+    "yaw_inertia": _Number(0.4, 20.0, (1.0, 4.0), logarithmic=True),
     # Speeds that friction takes from a servo without integral action [rad/s], and shares of the speed.
-    "coulomb_rad_s": _Number(0.0, 2.0),
-    "viscous": _Number(0.0, 0.4),
+    "coulomb_rad_s": _Number(0.0, 2.0, (0.0, 0.3)),
+    "viscous": _Number(0.0, 0.4, (0.0, 0.05)),
     # Friction of the rollers sideways, in weights of the robot, and for each m/s.
-    "rolling": _Number(1e-4, 0.1, logarithmic=True),
-    "rolling_s_m": _Number(1e-4, 0.3, logarithmic=True),
+    "rolling": _Number(1e-4, 0.1, (5e-4, 0.01), logarithmic=True),
+    "rolling_s_m": _Number(1e-4, 0.3, (5e-4, 0.03), logarithmic=True),
     # Ramps of the command, and of each drive with its braking in multiples; at their end there are none.
     "v_ramp_rpm_s": _Number(30.0, _NO_RAMP_RPM_S, logarithmic=True),
     "vc_ramp_rpm_s": _Number(30.0, _NO_RAMP_RPM_S, logarithmic=True),
     "ramp_rpm_s": _Number(30.0, _NO_RAMP_RPM_S, logarithmic=True),
-    "brake": _Number(0.25, 4.0, logarithmic=True),
+    "brake": _Number(0.25, 4.0, (0.5, 2.0), logarithmic=True),
 }
 _COMMAND, _DRIVE = ("v_ramp_rpm_s", "vc_ramp_rpm_s"), ("ramp_rpm_s",)
 _RAMPS: Final = {
@@ -100,14 +116,19 @@ _AS_FAST: Final = 0.95
 """Quantile of the rates of change in the logs around which ramps are tried: a ramp is never exceeded."""
 _OCTAVES: Final = (-0.5, 1.0)
 """Least and largest ramp that is tried, in octaves beside that rate."""
+_LIMIT_OCTAVES: Final = (-0.5, 2.0)
+"""The same of the torque limit, in accelerations: a limit that is seldom reached is a larger one."""
 _OVER_S: Final = 0.1  # time over which a rate is measured [s]
 
 
-def simple_robot(model: Model, given: Sequence[str], data: PlantData, tell: Progress = silent) -> Model:
-    """Return the simple robot that predicts robot logs best, on the planar plant.
+def simple_robots(
+    model: Model, given: Sequence[str], data: PlantData, tell: Progress = silent
+) -> list[Model]:
+    """Return the simple robots that predict robot logs best, on the planar plant: one for each integral.
 
-    The `model` gives the rest: the clock, and of the robot what is `given`. Its ceiling is tried, and none.
-    `tell` is called before each search.
+    The `model` gives the rest: the clock, and of the robot what is `given`. Its ceiling and none are tried.
+    The integral of the first stands still at the torque limit, that of the second winds up; if that is given,
+    there is one robot. `tell` is called before each search.
     """
     data = replace(data, runs=_of_different_commands(data.runs))
     measured = data.measured()
@@ -119,21 +140,25 @@ def simple_robot(model: Model, given: Sequence[str], data: PlantData, tell: Prog
             return np.full(measured.size, _ASTRAY)
 
     asked = max(float(np.max(np.abs(run.command.wheels_rpm))) for run in data.runs)
-    bases = [model]
+    ceilings = [model]
     if asked > model.wheel.saturation_rpm:
-        bases.append(replace(model, wheel=replace(model.wheel, saturation_rpm=math.inf)))
-    coarse, rates = [], _rates_rpm_s(data)
-    for what, ramps in _RAMPS.items():
-        tell(f"simple robot, {what}")
-        places = _places(ramps, rates)
-        tried = [(float(np.sum(residual(at, base) ** 2)), at, base) for base in bases for at in places]
-        tried.sort(key=_cost)
-        coarse += [_descended(residual, base, at, 1e-2, _STEPS) for _, at, base in tried[:_DESCENDED]]
-    coarse.sort(key=_cost)
-    tell("simple robot")
-    found = [_descended(residual, base, place, 1e-3, _LAST_STEPS) for _, place, base in coarse[:_BEST]]
-    _, place, base = min(found, key=_cost)
-    return _model(base, given, place)
+        ceilings.append(replace(model, wheel=replace(model.wheel, saturation_rpm=math.inf)))
+    rates = _rates_rpm_s(data)
+    found = []
+    for windup in (model.robot.servo_windup,) if "servo_windup" in given else WINDUPS:
+        bases = [replace(one, robot=replace(one.robot, servo_windup=windup)) for one in ceilings]
+        coarse: list[_Start] = []
+        for what, ramps in _RAMPS.items():
+            tell(f"simple robot{' that winds up' if windup else ''}, {what}")
+            places = _places(ramps, rates)
+            tried = [(float(np.sum(residual(at, base) ** 2)), at, base) for base in bases for at in places]
+            tried.sort(key=_cost)
+            coarse += [_descended(residual, base, at, 1e-2, _STEPS) for _, at, base in tried[:_DESCENDED]]
+        coarse.sort(key=_cost)
+        fine = [_descended(residual, base, place, 1e-3, _LAST_STEPS) for _, place, base in coarse[:_BEST]]
+        _, place, base = min(fine, key=_cost)
+        found.append(_model(base, given, place))
+    return found
 
 
 def _of_different_commands(runs: Sequence[Run]) -> tuple[Run, ...]:
@@ -166,14 +191,19 @@ def _rates_rpm_s(data: PlantData) -> dict[str, float]:
 def _places(ramps: Sequence[str], rates_rpm_s: Mapping[str, float]) -> FloatArray:
     """Return the places that are tried with some ramps and without the others, (`_TRIED`, numbers).
 
-    Ramps are tried around the rates that were seen, `rates_rpm_s`.
+    Ramps and the torque limit are tried around the rates that were seen, `rates_rpm_s`.
     """
     places = np.asarray(qmc.Sobol(len(_NUMBERS), rng=np.random.default_rng(0)).random(_TRIED), float)
-    slowest, fastest = _OCTAVES
     for index, (name, number) in enumerate(_NUMBERS.items()):
-        if name in rates_rpm_s:
-            ramp = rates_rpm_s[name] * 2.0 ** (slowest + (fastest - slowest) * places[:, index])
-            places[:, index] = number.share(np.maximum(ramp, number.low)) if name in ramps else 1.0
+        if number.tried is not None:
+            places[:, index] = number.between(number.tried, places[:, index])
+        elif name in rates_rpm_s and name not in ramps:
+            places[:, index] = 1.0
+        else:
+            rate = rates_rpm_s.get(name, rates_rpm_s["ramp_rpm_s"] * RAD_S_PER_RPM)
+            octaves = _OCTAVES if name in rates_rpm_s else _LIMIT_OCTAVES
+            lowest, highest = (max(rate * 2.0**octave, number.low) for octave in octaves)
+            places[:, index] = number.between((lowest, highest), places[:, index])
     return places
 
 

@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 
 from mecanum_env.model import Model, paper_model
+from sysid.fit import FitOptions, fit_dataset, fitted_model, pipeline
+from sysid.fit.report import output as report
 from sysid.fit.robot import effects as robot_effects
 from sysid.fit.robot import find_robot_effects
 from sysid.fit.robot import parameters as robot_parameters
-from sysid.fit.robot import simple_robot as simple_robots
+from sysid.fit.robot import simple_robot as module
 from sysid.fit.robot.effects import RobotWithEffects
 from sysid.fit.robot.output_error import PlantData
-from sysid.fit.robot.simple_robot import ROBOT_NUMBERS, simple_robot
+from sysid.fit.robot.simple_robot import ROBOT_NUMBERS, simple_robots
 from sysid.logs import BodyCommand, Dataset, Run
 
 NOISE_RPM = 0.3
@@ -48,8 +50,10 @@ def logs(limited: Model, robot_logs: Callable[..., Dataset]) -> Dataset:
 def start(logs: Dataset) -> Model:
     with pytest.MonkeyPatch.context() as only:
         # The logs have none, and what is tried besides takes most of the time.
-        only.setattr(simple_robots, "_RAMPS", {"no ramps": ()})
-        return simple_robot(paper_model(), ("friction",), wheels_of(logs))
+        only.setattr(module, "_RAMPS", {"no ramps": ()})
+        only.setattr(module, "WINDUPS", (0.0,))
+        (found,) = simple_robots(paper_model(), ("friction",), wheels_of(logs))
+        return found
 
 
 def test_torque_limit_and_delay_are_found_without_a_place_to_start(limited: Model, start: Model) -> None:
@@ -63,10 +67,22 @@ def test_the_simple_robot_predicts_far_better_than_the_packaged_one(logs: Datase
     assert data.residual_rms(start) < 0.2 * data.residual_rms(paper_model())
 
 
+@pytest.mark.parametrize("windup", [0.0, 1.0])
+def test_an_integral_that_winds_up_is_found_and_one_that_does_not(
+    limited: Model, robot_logs: Callable[..., Dataset], monkeypatch: pytest.MonkeyPatch, windup: float
+) -> None:
+    monkeypatch.setattr(module, "_RAMPS", {"no ramps": ()})
+    robot = replace(limited.robot, torque_limit_n_m=0.3, servo_windup=windup)
+    data = wheels_of(robot_logs(replace(limited, robot=robot), runs=4, seconds=2.5))
+    found = simple_robots(paper_model(), ("friction",), data)
+    assert [one.robot.servo_windup for one in found] == [0.0, 1.0]
+    assert min(found, key=data.residual_rms).robot.servo_windup == windup
+
+
 def test_repeats_are_left_out_and_equal_levels_held_otherwise_are_not(logs: Dataset) -> None:
     one = logs.split("fit")[0]
     stretched = replace(one, group="slower", time_s=1.5 * one.time_s)
-    chosen = simple_robots._of_different_commands((one, replace(one, file="again.csv"), stretched))
+    chosen = module._of_different_commands((one, replace(one, file="again.csv"), stretched))
     assert [run.group for run in chosen] == [one.group, "slower"]
 
 
@@ -75,9 +91,9 @@ def test_the_rates_of_ramps_need_no_wheel_that_a_run_does_not_show(logs: Dataset
     dark, lost, short = data.runs[0], data.runs[1], first_rows(data.runs[0], 3)
     dark = replace(dark, channels={**dark.channels, "speed_fl_rpm": np.full(dark.time_s.size, np.nan)})
     lost = replace(lost, channels={n: v for n, v in lost.channels.items() if n != "speed_rr_rpm"})
-    whole = simple_robots._rates_rpm_s(data)
-    assert simple_robots._rates_rpm_s(replace(data, runs=(*data.runs, dark, lost, short))) == whole
-    assert set(simple_robots._rates_rpm_s(replace(data, runs=(dark, lost, short))).values()) == {0.0}
+    whole = module._rates_rpm_s(data)
+    assert module._rates_rpm_s(replace(data, runs=(*data.runs, dark, lost, short))) == whole
+    assert set(module._rates_rpm_s(replace(data, runs=(dark, lost, short))).values()) == {0.0}
 
 
 def first_rows(run: Run, rows: int) -> Run:
@@ -87,21 +103,28 @@ def first_rows(run: Run, rows: int) -> Run:
 
 
 def test_what_was_measured_stays(logs: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(simple_robots, "_TRIED", 4)
-    monkeypatch.setattr(simple_robots, "_DESCENDED", 1)
-    data, given = replace(wheels_of(logs), runs=logs.split("fit")[:1]), ROBOT_NUMBERS[:2]
-    found = simple_robot(paper_model(), given, data)
-    for name in ROBOT_NUMBERS:
-        assert (getattr(found.robot, name) == getattr(paper_model().robot, name)) == (name in given), name
+    monkeypatch.setattr(module, "_TRIED", 4)
+    monkeypatch.setattr(module, "_DESCENDED", 1)
+    data, given = replace(wheels_of(logs), runs=logs.split("fit")[:1]), (*ROBOT_NUMBERS[:2], "servo_windup")
+    known = replace(paper_model(), robot=replace(paper_model().robot, servo_windup=0.5))
+    (found,) = simple_robots(known, given, data)
+    for name in (*ROBOT_NUMBERS, "servo_windup"):
+        assert (getattr(found.robot, name) == getattr(known.robot, name)) == (name in given), name
 
 
-def test_ramps_and_the_friction_of_rollers_are_found(robot_logs: Callable[..., Dataset]) -> None:
+def test_ramps_and_the_friction_of_rollers_are_found(
+    robot_logs: Callable[..., Dataset], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried = "ramps of the command"
+    monkeypatch.setattr(module, "_RAMPS", {tried: module._RAMPS[tried]})
+    monkeypatch.setattr(module, "WINDUPS", (0.0,))
     model = paper_model()
     weak = replace(model, robot=replace(model.robot, servo_n_m_s_rad=0.5, torque_limit_n_m=1.0))
     weak = weak.with_effect("body_acceleration_limit", v_rpm_s=200.0, vc_rpm_s=120.0)
     weak = weak.with_effect("roller_friction", torque_n_m=0.04)
     logs = robot_logs(weak, runs=4, seconds=2.5)
-    found = simple_robot(model, ("friction",), wheels_of(logs)).effects
+    (start,) = simple_robots(model, ("friction",), wheels_of(logs))
+    found = start.effects
     assert found["body_acceleration_limit"] == pytest.approx({"v_rpm_s": 200.0, "vc_rpm_s": 120.0}, rel=0.1)
     assert found["roller_friction"]["torque_n_m"] == pytest.approx(0.04, rel=0.3)
 
@@ -110,21 +133,23 @@ def test_a_ramp_of_each_drive_with_slow_brakes_is_found(
     robot_logs: Callable[..., Dataset], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tried = "ramps of the drives"
-    monkeypatch.setattr(simple_robots, "_RAMPS", {tried: simple_robots._RAMPS[tried]})
+    monkeypatch.setattr(module, "_RAMPS", {tried: module._RAMPS[tried]})
+    monkeypatch.setattr(module, "WINDUPS", (0.0,))
     weak = paper_model().with_effect("acceleration_limit", limit_rpm_s=200.0, brake_rpm_s=100.0)
     logs = robot_logs(weak, runs=4, seconds=2.5)
-    found = simple_robot(paper_model(), ("friction",), wheels_of(logs)).effects["acceleration_limit"]
-    assert found == pytest.approx({"limit_rpm_s": 200.0, "brake_rpm_s": 100.0}, rel=0.3)
+    (found,) = simple_robots(paper_model(), ("friction",), wheels_of(logs))
+    ramp = found.effects["acceleration_limit"]
+    assert ramp == pytest.approx({"limit_rpm_s": 200.0, "brake_rpm_s": 100.0}, rel=0.3)
 
 
 @pytest.fixture(scope="module")
 def found(logs: Dataset, start: Model) -> RobotWithEffects | None:
-    def known_start(alone: Model, given: tuple[str, ...], data: PlantData, *_: object) -> Model:
+    def known_start(alone: Model, given: tuple[str, ...], data: PlantData, *_: object) -> list[Model]:
         assert (alone, given, data.runs) == (paper_model(), (), logs.split("fit"))
-        return start
+        return [start]
 
     with pytest.MonkeyPatch.context() as only:
-        only.setattr(robot_effects, "simple_robot", known_start)
+        only.setattr(robot_effects, "simple_robots", known_start)
         # Nothing is missing but what the simple robot has, and growing takes most of the time.
         only.setattr(robot_effects, "_ROUNDS", 0)
         return find_robot_effects(logs, paper_model(), (), wheels_of(logs))
@@ -143,6 +168,23 @@ def test_the_robots_parameters_are_found_with_their_errors(
     for one in found.parameters:
         true = getattr(limited.robot, one.name)
         assert abs(math.log(one.value / true)) < max(0.1, 4.0 * one.standard_error / one.value), one.name
+
+
+def test_all_that_was_found_of_the_robot_is_in_the_model(
+    logs: Dataset, start: Model, found: RobotWithEffects | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A limit that the logs never reach has no known error, and limits nothing else instead."""
+    assert found is not None
+    robot = replace(start.robot, servo_windup=1.0)
+    monkeypatch.setattr(robot_effects, "simple_robots", lambda *_: [replace(start, robot=robot)])
+    monkeypatch.setattr(robot_effects, "_ROUNDS", 0)
+    monkeypatch.setattr(robot_effects, "robot_deviations", lambda *_: np.full(len(ROBOT_NUMBERS), math.inf))
+    monkeypatch.setattr(pipeline, "robot_of", lambda *_: (None, "not fitted alone"))
+    monkeypatch.setattr(report, "on_rollers", lambda model, *_: (model, "not simulated on rollers"))
+    fit = fit_dataset(logs, FitOptions(starts=1))
+    assert fit.robot is not None
+    assert fit.robot.robot.servo_windup == 1.0
+    assert fitted_model(fit).robot == fit.robot.robot
 
 
 def test_the_model_states_one_covariance_of_law_and_effects(found: RobotWithEffects | None) -> None:

@@ -48,6 +48,16 @@ def test_effects_together(apart, effects):
     assert apart(replace(paper_model(), effects=effects)) < CLOSE
 
 
+@pytest.mark.parametrize("device", [None, "cpu"])
+@pytest.mark.parametrize("windup", [0.0, 0.4, 1.0])
+def test_an_integral_that_winds_up_at_the_torque_limit(apart, windup, device):
+    if device is not None:
+        pytest.importorskip("torch", reason="torch is not installed")
+    servo = {"servo_n_m_s_rad": 1.0, "servo_integral_n_m_rad": 3.0, "torque_limit_n_m": 0.4}
+    robot = replace(paper_model().robot, servo_windup=windup, **servo)
+    assert apart(replace(paper_model(), robot=robot), device=device) < CLOSE
+
+
 def test_each_robot_has_its_own_numbers(apart):
     def robot(gain, mass, delay, acceleration):
         model = (

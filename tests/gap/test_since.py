@@ -19,6 +19,7 @@ from sysid.compare.predicted import SimulationSettings, Simulators
 from sysid.gap.alone import law_of, require_fittable
 from sysid.gap.report.output import gap_json
 from sysid.gap.result import GapOptions
+from sysid.gap.search.study_data import study_data
 from sysid.gap.workflow import analyse
 from sysid.logs import BodyCommand, Dataset, Run
 from sysid.logs.of_fit import logs_of_fit, seen_from, with_logs
@@ -50,6 +51,21 @@ def test_what_the_logs_of_the_fit_show_too_is_not_called_new(
     alone, beside = (analyse(after, stiff, replace(QUIET, fitted_on=logs)) for logs in (None, before))
     assert [(found.name, found.since) for found in alone.effects] == [("coulomb_friction", "unknown")]
     assert beside.verdict == "no_gap"
+
+
+def test_a_model_that_misses_the_logs_of_its_own_fit_is_said_to_hide_changes(
+    bench_logs: MakeLogs, base: Model
+) -> None:
+    before, after = bench_logs(base, seed=1), bench_logs(base, seed=2)
+    for gain, said in ((1.0, False), (0.9, True)):
+        model = base.with_effect("speed_gain", gain=gain)
+        ratio = learn(model, before).noise_ratio
+        notes = study_data(after, model, replace(QUIET, fitted_on=before)).notes
+        told = [note for note in notes if "misses the logs of its own fit" in note]
+        assert bool(told) is said
+        assert (ratio > 4.0) is said
+        assert not told or f"by {np.sqrt(ratio):.2g} times the noise" in told[0]
+    assert learn(base, before).noise_ratio == pytest.approx(1.0, abs=0.15)
 
 
 def test_what_is_new_is_named_beside_what_was_there(bench_logs: MakeLogs, rubbing: Model) -> None:

@@ -101,6 +101,17 @@ class Learned:
         """Return whether the commands of bench logs are among those of the logs of the fit."""
         return self.is_bench and are_familiar(observations, self.whitener.observations)
 
+    @property
+    def noise_ratio(self) -> float:
+        """The model's mean squared error over single samples of the logs of its fit, in noise variances."""
+        blocks, noise = self.simulators.full.observations.blocks, self.whitener.noise.sigma
+        predicted = self.simulators.averaged.predictions(as_fitted(self.model))
+        squares = sum(
+            (float(block.weight @ (block.value - p) ** 2) + block.repeat_squares) / noise[block.channel] ** 2
+            for block, p in zip(blocks, predicted, strict=True)
+        )
+        return squares / sum(float(block.weight.sum()) for block in blocks)
+
     def error_in(self, observations: Observations) -> ModelError:
         """Return what no factor explains in other logs."""
         if self.knows(observations):

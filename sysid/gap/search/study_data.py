@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 from mecanum_env.errors import InputError
@@ -71,6 +72,12 @@ def study_data(dataset: Dataset, model: Model, options: GapOptions) -> StudyData
         else:
             learned = learn(model, fitted_on, settings)
             error, noise = learned.error_in(observations), noise.beside(learned.whitener.noise)
+            if (ratio := learned.noise_ratio) > THRESHOLDS.above_noise:
+                notes.append(
+                    f"the model misses the logs of its own fit by {math.sqrt(ratio):.2g} times the noise "
+                    "(rms), which hides smaller changes; where the commands of the fit are driven again, it "
+                    "cancels"
+                )
         notes.append(
             f"compared with the logs of the fit ({fitted_on.name}): an error that these show, too, is no gap"
         )

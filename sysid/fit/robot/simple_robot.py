@@ -191,7 +191,8 @@ def _rates_rpm_s(data: PlantData) -> dict[str, float]:
 def _places(ramps: Sequence[str], rates_rpm_s: Mapping[str, float]) -> FloatArray:
     """Return the places that are tried with some ramps and without the others, (`_TRIED`, numbers).
 
-    Ramps and the torque limit are tried around the rates that were seen, `rates_rpm_s`.
+    Ramps and the torque limit are tried around the rates that were seen, `rates_rpm_s`, or anywhere if none
+    was.
     """
     places = np.asarray(qmc.Sobol(len(_NUMBERS), rng=np.random.default_rng(0)).random(_TRIED), float)
     for index, (name, number) in enumerate(_NUMBERS.items()):
@@ -200,10 +201,10 @@ def _places(ramps: Sequence[str], rates_rpm_s: Mapping[str, float]) -> FloatArra
         elif name in rates_rpm_s and name not in ramps:
             places[:, index] = 1.0
         else:
-            rate = rates_rpm_s.get(name, rates_rpm_s["ramp_rpm_s"] * RAD_S_PER_RPM)
-            octaves = _OCTAVES if name in rates_rpm_s else _LIMIT_OCTAVES
-            lowest, highest = (max(rate * 2.0**octave, number.low) for octave in octaves)
-            places[:, index] = number.between((lowest, highest), places[:, index])
+            seen = rates_rpm_s.get(name, rates_rpm_s["ramp_rpm_s"] * RAD_S_PER_RPM)
+            lowest, highest = _OCTAVES if name in rates_rpm_s else _LIMIT_OCTAVES
+            ends = (seen * 2.0**lowest, seen * 2.0**highest) if seen > 0.0 else (number.low, number.high)
+            places[:, index] = number.between(ends, places[:, index])
     return places
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from mecanum_env.model import Model, paper_model
+from mecanum_env.units import RAD_S_PER_RPM
 from sysid.fit import FitOptions, fit_dataset, fitted_model, pipeline
 from sysid.fit.report import output as report
 from sysid.fit.robot import effects as robot_effects
@@ -94,6 +95,18 @@ def test_the_rates_of_ramps_need_no_wheel_that_a_run_does_not_show(logs: Dataset
     whole = module._rates_rpm_s(data)
     assert module._rates_rpm_s(replace(data, runs=(*data.runs, dark, lost, short))) == whole
     assert set(module._rates_rpm_s(replace(data, runs=(dark, lost, short))).values()) == {0.0}
+
+
+@pytest.mark.parametrize("seen", [0.0, 100.0])
+def test_limits_are_tried_around_the_rates_that_were_seen_or_anywhere(seen: float) -> None:
+    rates = dict.fromkeys(("v_ramp_rpm_s", "vc_ramp_rpm_s", "ramp_rpm_s"), seen)
+    names = list(module._NUMBERS)
+    places = dict(zip(names, module._places(("ramp_rpm_s",), rates).T, strict=True))
+    assert set(places["v_ramp_rpm_s"]) == {1.0}
+    for name, unit in (("acceleration_rad_s2", RAD_S_PER_RPM), ("ramp_rpm_s", 1.0)):
+        tried = [module._NUMBERS[name].at(share) for share in places[name]]
+        assert max(tried) / min(tried) > (100.0 if seen == 0.0 else 2.0)
+        assert seen == 0.0 or 0.7 * seen * unit < min(tried) < max(tried) < 4.01 * seen * unit
 
 
 def first_rows(run: Run, rows: int) -> Run:

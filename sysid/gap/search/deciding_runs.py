@@ -35,7 +35,7 @@ def deciding_runs(dataset: Dataset, model: Model, options: GapOptions) -> tuple[
         )
     if options.plant == "planar":
         left = [name for name in known_effects("robot") if name not in known_effects("robot", "planar")]
-        notes.append(f"simulated without slip (plant planar): {', '.join(left)} are not looked for")
+        notes.append(f"simulated without slip (plant planar): no search for {', '.join(left)}")
     return chosen, notes
 
 

@@ -63,7 +63,7 @@ def model_to_dict(model: Model) -> dict[str, Any]:
 
 
 def _is_written(name: str, robot: Robot) -> bool:
-    """Return whether the file has a number of the robot: 0 of a later version's number is left out."""
+    """Return whether the file has a number of the robot; those from before `servo_windup` stay the same."""
     return name != "servo_windup" or robot.servo_windup > 0.0
 
 

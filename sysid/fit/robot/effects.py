@@ -73,9 +73,15 @@ class RobotWithEffects:
     @property
     def note(self) -> str:
         """What was done, in a sentence."""
+        windup = self.drive.model.robot.servo_windup
         return (
             f"the law behind the servo leaves {self.before:.2g} times the noise on the validation runs; law, "
             f"effects and robot, fitted together from a simple robot, leave {self.after:.2g} times the noise"
+            + (
+                f"; the drives' integral winds up at the torque limit (servo_windup {windup:g})"
+                if windup
+                else ""
+            )
         )
 
 

@@ -42,7 +42,8 @@ _DESCENDED: Final = 4
 steps."""
 _STEPS: Final = 8
 _BEST: Final = 2
-"""Places that are descended from with small steps, of those, and the number of steps."""
+"""Places that are descended from with small steps, of those with the same integral, and the number of
+steps."""
 _LAST_STEPS: Final = 25
 WINDUPS: Final = (0.0, 1.0)
 """Values of `servo_windup` that are tried, unless it is given: with anti-windup and without."""

@@ -109,7 +109,8 @@ class Thresholds:
     cost rises by no more than this without it."""
     rms_rise: float = 1.01
     """Ratio of validation rms that counts as a rise. With some hundred samples noise, which both fits share,
-    changes the ratio by less."""
+    changes the ratio by less. Also of the rms of all runs that decide, of a robot in other commands than
+    those of its fit."""
     large_rms_rise: float = 1.05
     """The same that counts even if pieces of the runs disagree about it. Assumed."""
     resamples: int = 500

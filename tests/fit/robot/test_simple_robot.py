@@ -128,8 +128,6 @@ def test_what_was_measured_stays(logs: Dataset, monkeypatch: pytest.MonkeyPatch)
 def test_ramps_and_the_friction_of_rollers_are_found(
     robot_logs: Callable[..., Dataset], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    tried = "ramps of the command"
-    monkeypatch.setattr(module, "_RAMPS", {tried: module._RAMPS[tried]})
     monkeypatch.setattr(module, "WINDUPS", (0.0,))
     model = paper_model()
     weak = replace(model, robot=replace(model.robot, servo_n_m_s_rad=0.5, torque_limit_n_m=1.0))
@@ -159,7 +157,7 @@ def test_a_ramp_of_each_drive_with_slow_brakes_is_found(
 def found(logs: Dataset, start: Model) -> RobotWithEffects | None:
     def known_start(alone: Model, given: tuple[str, ...], data: PlantData, *_: object) -> list[Model]:
         assert (alone, given, data.runs) == (paper_model(), (), logs.split("fit"))
-        return [start]
+        return [replace(start, robot=replace(start.robot, servo_windup=1.0)), start]
 
     with pytest.MonkeyPatch.context() as only:
         only.setattr(robot_effects, "simple_robots", known_start)
@@ -172,6 +170,13 @@ def test_law_effects_and_robot_together_reach_the_noise(found: RobotWithEffects 
     assert found is not None
     assert found.before > 10.0
     assert found.after == pytest.approx(1.0, abs=0.2)
+
+
+def test_the_law_of_full_order_tells_which_integral_it_is(found: RobotWithEffects | None) -> None:
+    """The start whose integral winds up comes first, and is wrong."""
+    assert found is not None
+    assert found.drive.model.robot.servo_windup == 0.0
+    assert "winds up" not in found.note
 
 
 def test_the_robots_parameters_are_found_with_their_errors(
@@ -197,6 +202,7 @@ def test_all_that_was_found_of_the_robot_is_in_the_model(
     fit = fit_dataset(logs, FitOptions(starts=1))
     assert fit.robot is not None
     assert fit.robot.robot.servo_windup == 1.0
+    assert any("winds up at the torque limit (servo_windup 1)" in note for note in fit.notes)
     assert fitted_model(fit).robot == fit.robot.robot
 
 

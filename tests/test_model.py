@@ -181,6 +181,7 @@ BAD_VALUES = [
     ("wheel.command_period_s", None, "wheel.command_period_s = null, must be a number"),
     ("wheel.command_quantum_rpm", -1, "wheel.command_quantum_rpm = -1.0, must be a finite number at least 0"),
     ("wheel.saturation_rpm", 0, "wheel.saturation_rpm = 0.0, must be a number above 0"),
+    ("wheel.windup", -0.5, "wheel.windup = -0.5, must be a number from 0 to 1"),
     ("wheel", [], "wheel must be a JSON object, not list"),
     ("wheel", ABSENT, '"wheel" is missing'),
     ("format", "mecanum-model/2", '"format" is \'mecanum-model/2\', must be "mecanum-model/1"'),

@@ -114,10 +114,13 @@ class SetPoints(OnArrays):
                 ramp, added = self._ramps.moved(ramp, command, share)
             total = added if total is None else total + added
         w = law_step([p[name] for name in "ABCDEF"], (s.w0, s.w1, s.w2), (total, s.r1, s.r2))
-        if self._bounds is not None:
-            w = bounded(s.w0, w, *self._bounds)
-        after = {"w0": w, "w1": s.w0, "w2": s.w1, "r1": total, "r2": s.r1}
+        after = {"w1": s.w0, "w2": s.w1, "r1": total, "r2": s.r1}
         after |= {"ramp": ramp.value_rpm, "slope": ramp.slope_rpm_s}
+        if self._bounds is not None:
+            wanted = w + p["windup"] * s.excess
+            w = bounded(s.w0, wanted, *self._bounds)
+            after["excess"] = wanted - w
+        after["w0"] = w
         if due is not None:
             here = self._array(due)
             after = {name: self._xp.where(here, value, getattr(s, name)) for name, value in after.items()}

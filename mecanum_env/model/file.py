@@ -31,6 +31,8 @@ _SECTIONS: Final = ("format", "wheel", "wheels", "robot", "effects", "custom", "
 _LAW_FIELDS: Final = (*COEFFICIENTS, "sample_period_s")
 _WHEEL_FIELDS: Final = tuple(f.name for f in fields(Wheel) if f.name != "law")
 _ROBOT_FIELDS: Final = (*ROBOT_NUMBERS, "wheels")
+_WINDUPS: Final = ("windup", "servo_windup")
+"""Numbers of the wheel and the robot that are left out where they are 0."""
 
 
 def model_to_dict(model: Model) -> dict[str, Any]:
@@ -40,11 +42,11 @@ def model_to_dict(model: Model) -> dict[str, Any]:
         "format": FORMAT,
         "wheel": {
             **{name: getattr(wheel.law, name) for name in _LAW_FIELDS},
-            **{name: _infinite_as_null(getattr(wheel, name)) for name in _WHEEL_FIELDS},
+            **{n: _infinite_as_null(getattr(wheel, n)) for n in _WHEEL_FIELDS if _is_written(n, wheel)},
             **model.extra.get("wheel", {}),
         },
         "robot": {
-            **{name: getattr(model.robot, name) for name in ROBOT_NUMBERS if _is_written(name, model.robot)},
+            **{n: getattr(model.robot, n) for n in ROBOT_NUMBERS if _is_written(n, model.robot)},
             **({"wheels": wheels_to_json(model.robot.wheels)} if model.robot.wheels else {}),
             **model.extra.get("robot", {}),
         },
@@ -62,9 +64,9 @@ def model_to_dict(model: Model) -> dict[str, Any]:
     return value
 
 
-def _is_written(name: str, robot: Robot) -> bool:
-    """Return whether the file has a number of the robot; those from before `servo_windup` stay the same."""
-    return name != "servo_windup" or robot.servo_windup > 0.0
+def _is_written(name: str, section: Wheel | Robot) -> bool:
+    """Return whether the file has a number of a section; those from before the windups stay the same."""
+    return name not in _WINDUPS or getattr(section, name) > 0.0
 
 
 def model_from_dict(value: Any) -> Model:

@@ -27,15 +27,25 @@ class Wheel:
     """Commands are rounded to multiples of this [rpm]; 0: not rounded."""
     saturation_rpm: float = 135.0
     """Wheel commands are clipped to +- this [rpm]; infinite (null in the file): no limit was seen."""
+    windup: float = 0.0
+    """Share of what the law asks beyond the bounds of its motor that it asks for again in the next tick: 0
+    with anti-windup, 1 in a controller whose integral goes on, which overshoots after every large step."""
 
     def __post_init__(self) -> None:
         _require("wheel.command_period_s", self.command_period_s, 0.0, strict=True)
         _require("wheel.command_quantum_rpm", self.command_quantum_rpm, 0.0)
         _require("wheel.saturation_rpm", self.saturation_rpm, 0.0, strict=True, finite=False)
+        _require_share("wheel.windup", self.windup)
 
     def drive_parameters(self) -> DriveParameters:
         """Return the drive of this wheel without any effect."""
-        return DriveParameters(self.law, self.command_period_s, self.command_quantum_rpm, self.saturation_rpm)
+        return DriveParameters(
+            self.law,
+            self.command_period_s,
+            self.command_quantum_rpm,
+            self.saturation_rpm,
+            windup=self.windup,
+        )
 
 
 @dataclass(frozen=True)
@@ -85,8 +95,7 @@ class Robot:
         for name in (*positive, "servo_n_m_s_rad", "torque_limit_n_m", "friction"):
             _require(f"robot.{name}", getattr(self, name), 0.0, strict=True)
         _require("robot.servo_integral_n_m_rad", self.servo_integral_n_m_rad, 0.0)
-        if not 0.0 <= self.servo_windup <= 1.0:
-            raise InputError(f"robot.servo_windup = {self.servo_windup}, must be a number from 0 to 1")
+        _require_share("robot.servo_windup", self.servo_windup)
         if not 4 <= self.rollers_per_wheel <= 24 or self.rollers_per_wheel != int(self.rollers_per_wheel):
             raise InputError(
                 f"robot.rollers_per_wheel = {self.rollers_per_wheel}, must be a whole number 4..24"
@@ -183,6 +192,11 @@ class Model:
 def _require_wheel(where: str, name: str) -> None:
     if name not in WHEELS:
         raise InputError(f"{where}: no such wheel; known: {', '.join(WHEELS)}")
+
+
+def _require_share(name: str, value: float) -> None:
+    if not 0.0 <= value <= 1.0:
+        raise InputError(f"{name} = {value}, must be a number from 0 to 1")
 
 
 def _require(name: str, value: float, low: float, *, strict: bool = False, finite: bool = True) -> None:

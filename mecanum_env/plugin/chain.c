@@ -71,7 +71,9 @@ void chain_begin(Drive* s, const double* p, const Substep* now) {
     double r = set_point_input(s, p);
     double w = p[LAW_A] * s->w0 + p[LAW_B] * s->w1 + p[LAW_C] * s->w2 + p[LAW_D] * r + p[LAW_E] * s->r1 +
                p[LAW_F] * s->r2;
-    w = reached(p, now, s->w0, w);
+    double wanted = w + p[LAW_WINDUP] * s->excess;
+    w = reached(p, now, s->w0, wanted);
+    s->excess = wanted - w;
     s->w2 = s->w1, s->w1 = s->w0, s->w0 = w;
     s->r2 = s->r1, s->r1 = r;
     s->ticks += 1;
@@ -236,5 +238,5 @@ void chain_end(Drive* s, const double* p, const Substep* now, double asked, doub
   double error = s->setpoint - speed - (s->gap - before) / h;
   // While the torque is limited, the integral winds up by a share of the error only, mostly by none.
   int limit = (asked > delivered && error > 0) || (asked < delivered && error < 0);
-  s->integral += (limit ? p[WINDUP] : 1.0) * h * error;
+  s->integral += (limit ? p[SERVO_WINDUP] : 1.0) * h * error;
 }

@@ -6,7 +6,8 @@
 //   w(k+1) = A w(k) + B w(k-1) + C w(k-2) + D r(k) + E r(k-1) + F r(k-2)          [rpm]
 //   torque = kv (setpoint - speed) + ki integral(setpoint - speed) dt + J (setpoint's acceleration)   [N m]
 //
-// The motor may bound the step from w(k) to w(k+1); as the law's memory is the wheel's own speed, nothing winds up.
+// The motor may bound the step from w(k) to w(k+1). As the law's memory is the wheel's own speed, nothing winds up, unless
+// the law asks again in the next tick for a share of what was beyond the bounds.
 // The torque is limited to torque_limit_n_m. J is the inertia of the free wheel; fed forward, it makes the free wheel
 // follow the setpoint without lag. A rotor is the part of J that the limit leaves alone. Friction of the wheel's
 // bearing acts beside this torque.

@@ -21,6 +21,7 @@ typedef struct {
   double angle;                                    // turned by the wheel since the start [rad]
   double slope;                                    // the S-curve's rate of change at the end of the tick [rpm/s]
   double sent;                                     // the last command that was not lost, before it is shaped [rpm]
+  double excess;                                   // by how much the law's last step was beyond the motor's bounds [rpm]
   double command[RING];                            // latched command j at j modulo RING [rpm]
   double arrival[RING];                            // when it arrives, if the delay jitters [s]
 } Drive;

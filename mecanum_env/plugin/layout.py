@@ -72,7 +72,7 @@ STATE: Final = (
     *("substeps", "ticks", "latches"),
     *("timestep", "sample_period", "command_period"),
     *("w0", "w1", "w2", "r1", "r2", "ramp", "setpoint", "rise", "integral", "change", "gap", "load"),
-    *("angle", "slope", "sent"),
+    *("angle", "slope", "sent", "excess"),
 )
 """Names of the first entries of a wheel's plugin state, all zero at rest:
 
@@ -88,6 +88,7 @@ STATE: Final = (
 - angle: angle that the wheel has turned through since the start [rad]
 - slope: rate of change of an S-curve at the end of the tick [rpm/s]
 - sent: the last latched command that was not lost [rpm], rounded but not shaped
+- excess: by how much the law's last step was beyond the motor's bounds [rpm]
 
 RING latched commands [rpm] follow, command j at j modulo RING, and the times [s] at which they arrive, which
 only count if the delay jitters.

@@ -83,7 +83,8 @@
   X(GAP_SWING, "gap_swing_rad_s", NOT_BELOW_0)              \
   X(GAP_DAMPING, "gap_damping", NOT_BELOW_0)                \
   X(GAP_SLOWING, "gap_slowing_rad_s2", NOT_BELOW_0)         \
-  X(WINDUP, "servo_windup", PART)
+  X(SERVO_WINDUP, "servo_windup", PART)                     \
+  X(LAW_WINDUP, "windup", PART)
 
 // What the wheel does while the motor crosses the backlash, as values of GAP_KIND.
 enum { COAST, LIGHT };

@@ -49,6 +49,7 @@ class DriveState:
     angle: FloatArray
     slope: FloatArray
     sent: FloatArray
+    excess: FloatArray
     command: FloatArray
     """Latched commands [rpm], command j at j modulo RING, shape (sets, runs, RING)."""
     arrival: FloatArray
@@ -135,8 +136,9 @@ def _tick(s: DriveState, p: Sets, due: Mask, lost_v: FloatArray | float) -> None
     brake = np.where(p["drive_brake_rpm_s"] > 0.0, p["drive_brake_rpm_s"], rise)
     tau, supply = p["sample_period_s"], _off_is_infinite(p["supply_rpm"])
     supply = supplied(supply, p["supply_per_volt"], lost_v)
-    w = bounded(s.w0, w, rise * tau, brake * tau, supply, p["supply_share"])
-    after = {"w0": w, "w1": s.w0, "w2": s.w1, "r1": r, "r2": s.r1}
+    wanted = w + p["windup"] * s.excess
+    w = bounded(s.w0, wanted, rise * tau, brake * tau, supply, p["supply_share"])
+    after = {"w0": w, "w1": s.w0, "w2": s.w1, "r1": r, "r2": s.r1, "excess": wanted - w}
     after |= {"ramp": ramp.value_rpm, "slope": ramp.slope_rpm_s}
     for name, value in after.items():
         setattr(s, name, np.where(due, value, getattr(s, name)))

@@ -108,6 +108,8 @@ class DriveParameters:
     """Time constant of the motor with its wheel at full voltage [s]; 0: the law's fastest tick."""
     supply_per_volt: float = 0.0
     """Share of that speed that is lost with each volt of the supply below that at the start [1/V]."""
+    windup: float = 0.0
+    """Share of what the law asks beyond these bounds that it asks for again in its next tick, 0 to 1."""
     load: WheelLoad = NO_LOAD
     """What acts behind the setpoint; see `mecanum_env.wheel_drive.servo`."""
     command_program: Program = ()
@@ -144,8 +146,9 @@ class DriveParameters:
                 f"jitter_s = {self.jitter_s}, must not be below 0, and delay_s + {SPREAD:.3g} jitter_s "
                 f"at most {longest:g} ({RING - 3} command periods)"
             )
-        if not 0.0 <= self.loss <= 1.0:
-            raise InputError(f"loss = {self.loss}, must be from 0 to 1")
+        for name in ("loss", "windup"):
+            if not 0.0 <= getattr(self, name) <= 1.0:
+                raise InputError(f"{name} = {getattr(self, name)}, must be from 0 to 1")
         if not 0 <= self.link_seed <= MOST_SEEDS:
             raise InputError(f"link_seed = {self.link_seed}, must be a whole number from 0 to 2^53")
 
@@ -159,6 +162,7 @@ class DriveParameters:
             self.supply_rpm,
             self.supply_share,
             self.supply_per_volt,
+            self.windup,
         )
 
     @property

@@ -13,7 +13,9 @@ others bend towards it. As s <= 1, the wheel never passes n. Where the voltage i
 (`supplied`).
 
 The law's memory holds the speeds w that were reached, since its past outputs are the wheel's speeds: nothing
-winds up while a bound acts.
+winds up while a bound acts, unless the law has a `windup`. In its next tick it then asks for that share of
+what was beyond the bounds, too. With a share of 1 this is a PI controller without anti-windup on a motor of
+first order: to its last output, limited or not, such a controller adds what the last errors call for.
 """
 
 from __future__ import annotations
@@ -54,6 +56,8 @@ class MotorBounds:
     """Share s of n - w(k) that the wheel gains in a tick at full voltage."""
     supply_per_volt: float = 0.0
     """Share of n that is lost with each volt of the supply below that at the start [1/V]."""
+    windup: float = 0.0
+    """Share of what the law asks beyond the bounds that it asks for again in its next tick."""
 
     @property
     def acts(self) -> bool:
@@ -73,11 +77,21 @@ class MotorBounds:
         return bounded(speed, wanted, *map(np.asarray, bounds)) if self.acts else wanted
 
     def tick(
-        self, law: WheelLaw, state: LawState, command_rpm: npt.ArrayLike, lost_v: npt.ArrayLike = 0.0
-    ) -> LawState:
-        """Return the law's next state, whose w0 is the speed reached, for r(k) = `command_rpm`."""
-        wanted, after = law.tick(state, command_rpm)
-        return LawState(self.reached(state.w0, wanted, lost_v), after.w1, after.w2, after.r1, after.r2)
+        self,
+        law: WheelLaw,
+        state: LawState,
+        command_rpm: npt.ArrayLike,
+        excess_rpm: npt.ArrayLike = 0.0,
+        lost_v: npt.ArrayLike = 0.0,
+    ) -> tuple[LawState, FloatArray]:
+        """Return the law's next state, whose w0 is the speed reached, and what was beyond the bounds [rpm].
+
+        `command_rpm` is r(k), and `excess_rpm` what was beyond the bounds in the last tick.
+        """
+        asked, after = law.tick(state, command_rpm)
+        wanted = asked + self.windup * np.asarray(excess_rpm, float)
+        reached = self.reached(state.w0, wanted, lost_v)
+        return LawState(reached, after.w1, after.w2, after.r1, after.r2), wanted - reached
 
     def simulate(
         self, law: WheelLaw, command_rpm: FloatArray, initial: LawState, lost_v: npt.ArrayLike = 0.0
@@ -90,9 +104,9 @@ class MotorBounds:
         if not self.acts:
             return law.simulate(command_rpm, initial)
         state, speeds = initial, [np.broadcast_to(initial.w0, command_rpm.shape[:-1])]
-        lost = np.broadcast_to(lost_v, command_rpm.shape)
+        lost, excess = np.broadcast_to(lost_v, command_rpm.shape), np.zeros(command_rpm.shape[:-1])
         for k in range(command_rpm.shape[-1]):
-            state = self.tick(law, state, command_rpm[..., k], lost[..., k])
+            state, excess = self.tick(law, state, command_rpm[..., k], excess, lost[..., k])
             speeds.append(np.asarray(state.w0))
         return np.stack(speeds, axis=-1)
 
@@ -127,7 +141,8 @@ def supplied(supply: FloatArray, per_volt: npt.ArrayLike, lost_v: npt.ArrayLike)
 
     `supply` are those at the start, which may be infinite; `per_volt` are as in `MotorBounds`.
     """
-    left = 1.0 - floats(per_volt) * floats(lost_v)
+    lost = lost_v if isinstance(lost_v, float) else floats(lost_v)
+    left = 1.0 - floats(per_volt) * lost
     speeds: FloatArray = floats(supply * namespace(left).clip(left, _LEAST_SUPPLY, None))
     return speeds
 

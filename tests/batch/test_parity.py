@@ -58,6 +58,16 @@ def test_an_integral_that_winds_up_at_the_torque_limit(apart, windup, device):
     assert apart(replace(paper_model(), robot=robot), device=device) < CLOSE
 
 
+@pytest.mark.parametrize("device", [None, "cpu"])
+@pytest.mark.parametrize("windup", [0.4, 1.0])
+def test_a_law_that_winds_up_at_the_motor_s_bounds(apart, windup, device):
+    if device is not None:
+        pytest.importorskip("torch", reason="torch is not installed")
+    model = paper_model().with_effect("acceleration_limit/drive", limit_rpm_s=300.0)
+    model = model.with_effect("speed_saturation/supply", limit_rpm=90.0)
+    assert apart(replace(model, wheel=replace(model.wheel, windup=windup)), device=device) < CLOSE
+
+
 def test_each_robot_has_its_own_numbers(apart):
     def robot(gain, mass, delay, acceleration):
         model = (

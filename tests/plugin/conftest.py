@@ -97,7 +97,7 @@ class SteppedDrive:
         self.parameters, self.timestep = parameters, timestep
         speed = np.asarray(steady_rpm, float)
         self.substeps = self.ticks = self.latches = 0
-        self.law, self.ramp = LawState.steady(speed), Ramp.steady(speed)
+        self.law, self.ramp, self.excess = LawState.steady(speed), Ramp.steady(speed), np.zeros(speed.shape)
         self.latched = Latched.steady(speed, RING)
 
     def step(self, command_rpm, lost_v=0.0):
@@ -117,7 +117,9 @@ class SteppedDrive:
             r, self.ramp = ramped_inputs(
                 parameters, [self.ticks], self.latched, self.latches, first, self.ramp
             )
-            self.law = parameters.motor_bounds.tick(parameters.law, self.law, r[..., 0], lost_v)
+            self.law, self.excess = parameters.motor_bounds.tick(
+                parameters.law, self.law, r[..., 0], self.excess, lost_v
+            )
             self.ticks += 1
         self.substeps += 1
         w0, w1 = np.asarray(self.law.w0, float), np.asarray(self.law.w1, float)

@@ -32,6 +32,8 @@ BAD_USER = [
     ("servo_integral_n_m_rad", np.nan),
     ("servo_windup", -0.1),
     ("servo_windup", 1.1),
+    ("windup", -0.1),
+    ("windup", 1.1),
     ("delay_s", -0.1),
     ("delay_s", 7.0),
     ("delay_s", np.nan),

@@ -53,6 +53,35 @@ def test_nothing_winds_up_while_a_limit_acts(paper):
     assert speed[-1] == pytest.approx(20.0)
 
 
+@given(
+    pole=st.floats(0.5, 0.99),
+    gain=st.floats(0.2, 3.0),
+    integral=st.floats(0.0, 0.1),
+    most=st.floats(2.0, 60.0),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_a_law_that_winds_up_is_a_pi_controller_without_anti_windup(pole, gain, integral, most, seed):
+    """The controller runs here by itself, on a motor of first order whose voltage is limited."""
+    share, command = 1.0 - pole, np.repeat(np.random.default_rng(seed).uniform(-100.0, 100.0, 8), 25)
+    law = WheelLaw(
+        1.0 + pole - share * (gain + integral),
+        share * gain - pole,
+        0.0,
+        share * (gain + integral),
+        -share * gain,
+        0.0,
+        0.01,
+    )
+    speeds, total = [0.0], 0.0
+    for wanted in command:
+        error = wanted - speeds[-1]
+        total += integral * error
+        volts = gain * error + total
+        speeds.append(pole * speeds[-1] + share * min(max(volts, -most), most))
+    found = simulate(law, command, windup=1.0, supply_rpm=most, supply_share=share)
+    np.testing.assert_allclose(found, speeds, atol=1e-6 * np.ptp(speeds))
+
+
 def test_the_supply_bends_the_rise_towards_its_limit():
     """A step of a law of first order that the supply ends goes there as a step to the limit itself."""
     share = steepest_share(FIRST_ORDER)

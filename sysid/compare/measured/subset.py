@@ -28,15 +28,14 @@ Bands = frozenset[tuple[int, int]]
 def select_runs(runs: Sequence[Run], seconds: float, command_period_s: float) -> tuple[Run, ...]:
     """Return runs with at most so many seconds of distinct commands: all of them, or pieces of the long ones.
 
-    If all are too long together, runs longer than two pieces are cut. Pieces that add most bands of speed
-    come first, those with larger changes of command first among equals. If no run is that long, whole groups
-    are selected as by `most_active_runs`. Of each group one run counts. The pieces keep the phase of the
-    robot's command clock, of period `command_period_s`.
+    If all are too long together, runs longer than two pieces are cut. Runs and pieces that add most bands of
+    speed come first, those with larger changes of command first among equals. Of each group one run counts.
+    The pieces keep the phase of the robot's command clock, of period `command_period_s`.
     """
     groups = {run.group: max(r.duration_s for r in runs if r.group == run.group) for run in runs}
+    if sum(groups.values()) <= seconds:
+        return tuple(runs)
     long = [run for run in runs if is_long(run)]
-    if sum(groups.values()) <= seconds or not long:
-        return most_active_runs(runs, seconds)
     whole = [run for run in runs if run not in long]
     return _covering([*whole, *(piece for run in long for piece in pieces(run, command_period_s))], seconds)
 
@@ -128,14 +127,18 @@ def _covering(runs: Sequence[Run], seconds: float) -> tuple[Run, ...]:
 
 
 def _groups(runs: Sequence[Run]) -> tuple[dict[str, float], dict[str, float], list[list[str]]]:
-    """Return duration [s] and change of command [rpm/s] of each group, and the groups of each split."""
+    """Return duration [s] and change of command [rpm/s] of each group, and the groups of each split.
+
+    The first command counts as a change from rest, so that a run that holds one command is not without any.
+    """
     lengths: dict[str, float] = {}
     activity: dict[str, float] = {}
     splits: dict[str, list[str]] = {}
     for run in runs:
         if run.group not in lengths:
             splits.setdefault(run.split, []).append(run.group)
-        changes = np.diff(run.command_changes()[1], axis=0)
+        levels = run.command_changes()[1]
+        changes = np.diff(levels, axis=0, prepend=np.zeros_like(levels[:1]))
         per_second = float(np.sqrt(np.sum(changes**2))) / max(run.duration_s, 1e-9)
         lengths[run.group] = max(lengths.get(run.group, 0.0), run.duration_s)
         activity[run.group] = max(activity.get(run.group, 0.0), per_second)

@@ -11,8 +11,9 @@ A law of unit DC gain fits a drive that never reaches its command by a pole that
 therefore starting points: that of the fit, and one with a free gain, which becomes the effect `speed_gain`. A
 pole slower than the logs can show only imitates a gain, and errs as soon as a command is held longer: if the
 law of the fit has one, first-order laws with a free gain are the starts, and no pole may become that slow.
-Where the law leaves much more than the noise, a simple drive is a start, too
-(`sysid.fit.effects.simple_drive`).
+Whatever is found, the law of the fit stays if it predicts the validation runs better by `WORTH`.
+Where the law leaves much more than the noise, a simple drive (`sysid.fit.effects.simple_drive`) and drives
+under PI control, with and without anti-windup (`sysid.fit.effects.pi_drive`), are starts, too.
 
 A dead zone that subtracts and friction on a drive without integral action take the same speed from a wheel
 that turns, and differ only while it starts and stops. Where the logs do not tell them apart, it is friction:
@@ -35,7 +36,8 @@ from sysid.compare.measured import observe, select_runs
 from sysid.compare.model_error import Whitener
 from sysid.compare.noise import measure_noise
 from sysid.fit.effects.candidates import drive_candidates, first_order_laws
-from sysid.fit.effects.reached import HeldOut, Reached, confirmed
+from sysid.fit.effects.pi_drive import WINDUPS
+from sysid.fit.effects.reached import WORTH, HeldOut, Reached, confirmed
 from sysid.fit.effects.search import EffectSearch, searched
 from sysid.logs import Dataset
 from sysid.progress import Progress, silent, within
@@ -44,8 +46,9 @@ _FAR: Final = 2.0
 """Squared error of the law over the noise from which a simple drive, fitted globally, is a start, too.
 Assumed."""
 _SECONDS: Final = 40.0
-_TICKS: Final = 8000
-"""Longest duration of the runs that decide, repeats not counted [s], and most ticks of the law in them."""
+_TICKS: Final = (4000, 8000)
+"""Duration of the runs that decide, repeats not counted [s], and fewest and most ticks of the law in them:
+those of a slow law may be longer, those of a fast one must be shorter, since ticks take the time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,9 +72,11 @@ class DriveEffects:
             f"{name} " + ", ".join(f"{key} {value:.4g}" for key, value in self._sizes(name).items())
             for name in self.model.effects
         )
+        windup = self.model.wheel.windup
+        integral = f"; its integral winds up at the motor's bounds (windup {windup:g})" if windup else ""
         return (
             f"the drive is not the law alone: {found}; fitted together with the law, they change the "
-            f"held-out error from {self.before_rpm:.3g} to {self.after_rpm:.3g} rpm"
+            f"held-out error from {self.before_rpm:.3g} to {self.after_rpm:.3g} rpm{integral}"
         )
 
     def _sizes(self, name: str) -> dict[str, float]:
@@ -99,7 +104,8 @@ def find_drive_effects(
     """
     progress(stage := "drive effects")
     tell = within(progress, stage)
-    seconds = min(_SECONDS, _TICKS * alone.wheel.law.sample_period_s)
+    fewest_s, most_s = (ticks * alone.wheel.law.sample_period_s for ticks in _TICKS)
+    seconds = min(max(_SECONDS, fewest_s), most_s)
     runs = select_runs(dataset.split("fit"), seconds, alone.wheel.command_period_s)
     observations = observe(replace(dataset, runs=runs))
     whitener = Whitener(observations, measure_noise(dataset, observations), None)
@@ -118,17 +124,17 @@ def find_drive_effects(
     first = began[0]
     if first.inflation > _FAR:
         tell("a simple drive, from anywhere")
-        searches.append(
-            EffectSearch(searches[0].simple_drive(alone), whitener, held_out, largest_pole, known)
-        )
-        simple = searches[-1].begin()
-        began += [] if simple is None else [simple]
+        anywhere = [searches[0].simple_drive(alone)]
+        tell("a drive under PI control, from anywhere")
+        anywhere += [searches[0].pi_drive(alone, windup) for windup in WINDUPS]
+        searches += [EffectSearch(model, whitener, held_out, largest_pole, known) for model in anywhere]
+        began += [start for search in searches[-len(anywhere) :] if (start := search.begin()) is not None]
     reached = searched(searches, began, tell)
     worthy = in_place_of(first, reached, held_out.whitener.size, is_enough=is_enough)
-    if worthy is None and is_enough:
+    best = worthy or (None if is_enough else first)
+    before, before_rpm = held_out.errors(alone)
+    if best is None or best.held_out > (1.0 + WORTH) * before:
         return None
-    best = worthy or first
-    before_rpm = held_out.errors(alone)[1]
     model, of_law = best.stated()
     return DriveEffects(model, of_law, before_rpm, best.held_out_rpm)
 

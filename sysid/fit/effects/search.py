@@ -36,6 +36,7 @@ from sysid.compare.search_space import (
     effect_set,
 )
 from sysid.fit.effects.candidates import TRIED, starts
+from sysid.fit.effects.pi_drive import pi_drive
 from sysid.fit.effects.reached import HeldOut, Reached
 from sysid.fit.effects.simple_drive import SIMPLE_DRIVE, simple_drive
 from sysid.progress import Progress
@@ -47,7 +48,8 @@ _FITTED: Final = 3
 BEAM: Final = 2
 """Sets that grow in each round. More than one, as two effects may explain what neither does alone."""
 _PATIENCE: Final = 2
-"""Rounds without a better set after which the search ends: the second of a pair may be what helps."""
+"""Rounds after which the search ends that found no set better on the fit runs and on the validation runs: the
+second of a pair may be what helps."""
 _SHORTEST_WASHOUT_S: Final = 0.004
 _SHORTEST_RISE_S: Final = 0.005
 """Bounds of what logs can show [s]: about the shortest time between rows."""
@@ -78,7 +80,8 @@ def searched(
     for size in range(rounds):
         tell(f"effect {size + 1}")
         before, best = best, min([best, *beam], key=lambda one: one.price(best.inflation))
-        stale = 0 if size == 0 or best is not before else stale + 1
+        better = best is not before and best.held_out < before.held_out
+        stale = 0 if size == 0 or better else stale + 1
         bests += [best] if best is not before else []
         if stale == _PATIENCE:
             break
@@ -133,13 +136,19 @@ class EffectSearch:
 
     def simple_drive(self, alone: Model) -> Model:
         """Return the simple drive that explains these logs best; the rest is as in the law `alone`."""
-
-        def cost(model: Model) -> float:
-            residual = self.problem.residual(model)
-            return math.inf if residual is None else float(residual @ residual)
-
         names = [name for name in SIMPLE_DRIVE if name in self.known]
-        return simple_drive(alone, self._set(names), self.largest_pole, cost)
+        return simple_drive(alone, self._set(names), self.largest_pole, self._cost)
+
+    def pi_drive(self, alone: Model, windup: float) -> Model:
+        """Return the PI drive that explains these logs best, with a `windup` as `Wheel` has it.
+
+        The rest is as in the law `alone`.
+        """
+        return pi_drive(alone, self._top_rpm, windup, self.problem.residual)
+
+    def _cost(self, model: Model) -> float:
+        residual = self.problem.residual(model)
+        return math.inf if residual is None else float(residual @ residual)
 
     def beside(self, reached: Reached) -> EffectSearch:
         """Return this search from the start of a set."""

@@ -19,7 +19,6 @@ from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import least_squares
 from scipy.stats import qmc
 
 from mecanum_env.errors import MecanumError
@@ -28,6 +27,7 @@ from mecanum_env.law import WheelLaw
 from mecanum_env.mjcf.geometry import wheel_geometry
 from mecanum_env.model import Model
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
+from sysid.compare.least_squares import descend_from_afar
 from sysid.fit.robot.output_error import PlantData
 from sysid.logs import Run
 from sysid.progress import Progress, silent
@@ -224,15 +224,8 @@ def _descended(
     step: float,
     most: int,
 ) -> _Start:
-    """Return the least cost near a place, and where, after `most` steps with differences over a `step`.
-
-    Trust regions of the numbers as they are, and scaled by the Jacobian, lead to different minima.
-    """
-    inside = np.clip(place, 1e-6, 1.0 - 1e-6)
-    limits: dict[str, Any] = {"bounds": (0.0, 1.0), "diff_step": step, "max_nfev": most, "args": (base,)}
-    found = [least_squares(residual, inside, x_scale=scale, **limits) for scale in (1.0, "jac")]
-    best = min(found, key=lambda one: float(one.cost))
-    return 2.0 * float(best.cost), best.x, base
+    """Return the least cost near a place, where, and its model, as `descend_from_afar` does."""
+    return *descend_from_afar(lambda at: residual(at, base), place, step, most), base
 
 
 def _model(base: Model, given: Sequence[str], place: FloatArray) -> Model:

@@ -30,8 +30,8 @@ def deciding_runs(dataset: Dataset, model: Model, options: GapOptions) -> tuple[
         )
     elif len(chosen) < len(runs):
         notes.append(
-            f"{len(chosen)} of {len(runs)} runs ({_length_s(chosen):.0f} s) decide: those with the most "
-            "changes of command"
+            f"{len(chosen)} of {len(runs)} runs ({_length_s(chosen):.0f} s) decide: those that cover "
+            "the speeds, with the most changes of command"
         )
     if options.plant == "planar":
         left = [name for name in known_effects("robot") if name not in known_effects("robot", "planar")]

@@ -71,7 +71,22 @@ def test_the_most_active_groups_of_every_split_are_kept_whole() -> None:
 
 def test_short_runs_are_never_cut() -> None:
     runs = [held([10.0 * i, -10.0 * i], 1.5, name=f"{i}") for i in range(1, 9)]
-    assert select_runs(runs, 10.0, PERIOD_S) == most_active_runs(runs, 10.0)
+    chosen = select_runs(runs, 10.0, PERIOD_S)
+    assert len(chosen) == 3
+    assert all(run in runs for run in chosen)
+
+
+def test_of_runs_that_hold_one_command_each_those_are_taken_that_cover_the_speeds() -> None:
+    """As the logs of a robot that starts once in each run: the first runs by name are the slowest."""
+    levels = [0.0, 10.0, -10.0, 20.0, -20.0, 40.0, -40.0, 80.0, -80.0, 78.0, 79.0]
+    runs = [held([level], 3.0, name=f"{i:02d}") for i, level in enumerate(levels)]
+    chosen = {run.command.wheels_rpm[0, 0] for run in select_runs(runs, 21.0, PERIOD_S)}
+    assert chosen == {80.0, -80.0, 40.0, -40.0, 20.0, -20.0, 10.0}
+
+
+def test_a_start_from_rest_is_a_change_of_the_command() -> None:
+    slow, fast = held([10.0], 1.0, name="a"), held([90.0], 1.0, name="b")
+    assert most_active_runs([slow, fast], 1.0) == (fast,)
 
 
 def test_pieces_cover_the_speeds_before_they_repeat_one() -> None:

@@ -9,6 +9,7 @@ from mecanum_env.effects.friction import droop_rpm
 from mecanum_env.simulator import replay_bench
 from mecanum_env.units import RAD_S_PER_RPM
 from sysid.fit import FitOptions, fit_dataset, fitted_model
+from sysid.fit.effects import find_drive_effects
 from sysid.fit.report import fit_json
 from sysid.logs import BenchCommand, Dataset, Run
 
@@ -124,6 +125,15 @@ def test_a_gain_is_not_imitated_by_a_pole_that_no_hold_shows(paper_module):
     held_s = np.arange(600) * SAMPLE_S
     speeds = [replay_bench(model, held_s, np.full(600, 100.0))[-1] for model in (true, found)]
     assert speeds[1] == pytest.approx(speeds[0], abs=2.0)
+
+
+def test_a_law_that_predicts_the_validation_runs_better_than_what_is_found_stays(paper_module):
+    runs = logs(paper_module).runs
+    # The fit runs alone are of a drive that reaches 0.7 of its command.
+    other = logs(paper_module.with_effect("speed_gain", gain=0.7)).runs
+    mixed = [new if run.split == "fit" else run for run, new in zip(runs, other, strict=True)]
+    no_such_pole = 0.99 * float(np.max(np.abs(paper_module.wheel.law.poles)))
+    assert find_drive_effects(Dataset("mixed", tuple(mixed), ()), paper_module, (), no_such_pole) is None
 
 
 def test_a_ramp_behind_a_delay_is_found_although_the_law_alone_imitates_both(paper_module):

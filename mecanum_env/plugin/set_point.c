@@ -4,7 +4,8 @@
 
 #include <math.h>
 
-#define ABSURD 1e10  // commands [rpm] and voltages [V] beyond this count as 0
+#define ABSURD 1e10     // commands [rpm] and voltages [V] beyond this count as 0
+#define S_CURVE_LEGS 3  // of an S-curve in a part of a tick: up to 0, back through 0, and on to the command
 
 // Index of command j in the ring; j may be negative (before the start) or, in a state written by hand, anything.
 static int slot(double j) {
@@ -125,37 +126,50 @@ static double two_rates(double* ramp, double command, double part, double rise, 
   return area + left * *ramp;
 }
 
+// The first time at which a value with a slope and its change passes through 0, or touches it; infinite for none.
+static double passes(double value, double slope, double change) {
+  double square = slope * slope - 2 * change * value;
+  if (value == 0 || square < 0) return INFINITY;
+  double twice = -(slope + copysign(sqrt(square), slope)), first = INFINITY;
+  if (twice != 0 && 2 * value / twice > 0) first = 2 * value / twice;
+  if (change != 0 && twice / change > 0) first = fmin(first, twice / change);
+  return first;
+}
+
 // Move the ramp with bounded jerk [rpm/s2] to a point at which its slope is 0, in the shortest time, for at most the
-// seconds left; return the area. The slope rises to a peak, stays there, and falls to 0.
+// seconds left; return the area. The slope goes to a peak, stays there, and falls to 0. If its two rates differ, the ramp
+// stops where it passes through 0, with the slope that it has there: from then on the other rate counts.
 static double glide(Drive* s, double to, double rise, double brake, double jerk, double* left) {
   double value = s->ramp, slope = s->slope, area = 0;
   // Whether to push up or down: from where it would come to rest if the slope fell to 0 from now on.
   double push = value + slope * fabs(slope) / (2 * jerk) < to ? 1 : -1;
   double most = push * value < 0 ? brake : rise, way = push * (to - value), begin = push * slope;
-  double peak = fmax(begin, fmin(sqrt(fmax(jerk * way + begin * begin / 2, 0)), most));
-  double cruise = peak > 0 ? fmax((way - (2 * peak * peak - begin * begin) / (2 * jerk)) / peak, 0) : 0;
-  double change[] = {push * jerk, 0, -push * jerk}, time[] = {(peak - begin) / jerk, cruise, peak / jerk};
-  int arrives = 1;
-  for (int i = 0; i < 3; i++) {
-    double spent = fmin(*left, time[i]);
+  double peak = fmin(sqrt(fmax(jerk * way + begin * begin / 2, 0)), most);
+  // Behind 0 the slope may be steeper than the rate there.
+  double bend = peak < begin ? begin * begin : 2 * peak * peak - begin * begin, turn = peak < begin ? -push : push;
+  double cruise = peak > 0 ? fmax((way - bend / (2 * jerk)) / peak, 0) : 0;
+  double change[] = {turn * jerk, 0, -push * jerk}, time[] = {fabs(peak - begin) / jerk, cruise, peak / jerk};
+  int arrives = 1, crosses = 0;
+  for (int i = 0; i < 3 && !crosses; i++) {
+    double spent = fmin(*left, time[i]), zero = brake != rise ? passes(value, slope, change[i]) : INFINITY;
+    crosses = zero < spent;
+    if (crosses) spent = zero;
     arrives &= spent == time[i];
     area += spent * (value + spent * (slope / 2 + change[i] * spent / 6));
     value += slope * spent + change[i] * spent * spent / 2;
     slope += change[i] * spent;
     *left -= spent;
+    if (crosses) value = 0;
   }
   s->ramp = arrives ? to : value;
   s->slope = arrives ? 0 : slope;
   return area;
 }
 
-// Move the S-curve to a command. If its two rates differ, a reversal comes to rest at 0 first.
+// Move the S-curve to a command.
 static double s_curve(Drive* s, double command, double part, double rise, double brake, double jerk, double tau) {
   double left = part * tau, area = 0;
-  for (int i = 0; i < 2; i++) {
-    int stops = brake != rise && s->ramp * command < 0;
-    area += glide(s, stops ? 0 : command, rise, brake, jerk, &left);
-  }
+  for (int i = 0; i < S_CURVE_LEGS; i++) area += glide(s, command, rise, brake, jerk, &left);
   return (area + left * s->ramp) / tau;
 }
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -34,6 +34,8 @@ class Ramp:
         return Ramp(speed, np.zeros(speed.shape))
 
 
+S_CURVE_LEGS: Final = 3
+"""Of an S-curve in a part of a tick, as in set_point.c: up to 0, back through 0, and on to the command."""
 BoolArray: TypeAlias = npt.NDArray[np.bool_]
 Move: TypeAlias = Callable[[Ramp, FloatArray, FloatArray], tuple[Ramp, FloatArray]]
 
@@ -119,21 +121,20 @@ class RampLimits:
     def _s_curve(self, ramp: Ramp, command_rpm: FloatArray, part: FloatArray) -> tuple[Ramp, FloatArray]:
         """Move in the shortest time that the limits allow, so that the slope is 0 at the command.
 
-        If the two rates differ, a reversal comes to rest at 0 first.
+        If the two rates differ, the ramp passes through 0 with the slope that it has there, and only then
+        does the other rate count.
         """
-        xp = namespace(ramp.value_rpm)
-        left, area = part * self.sample_period_s, xp.zeros_like(ramp.value_rpm)
-        for _ in range(2):
-            value = ramp.value_rpm
-            stops = (self.brake_rpm_s != self.rise_rpm_s) & (value * command_rpm < 0.0)
-            ramp, left, added = self._glide(ramp, xp.where(stops, 0.0, command_rpm), left)
+        left, area = part * self.sample_period_s, namespace(ramp.value_rpm).zeros_like(ramp.value_rpm)
+        for _ in range(S_CURVE_LEGS):
+            ramp, left, added = self._glide(ramp, command_rpm, left)
             area = area + added
         return ramp, (area + left * ramp.value_rpm) / self.sample_period_s
 
     def _glide(self, ramp: Ramp, to_rpm: FloatArray, left: FloatArray) -> tuple[Ramp, FloatArray, FloatArray]:
         """Return the ramp on its way to a point after at most the seconds left, what is left, and the area.
 
-        The slope rises to a peak at the largest jerk, stays there, and falls to 0.
+        The slope goes to a peak at the largest jerk, stays there, and falls to 0. If the two rates differ,
+        the ramp stops where it passes through 0.
         """
         xp = namespace(ramp.value_rpm)
         value, slope, jerk = ramp.value_rpm, ramp.slope_rpm_s, self.jerk_rpm_s2
@@ -141,23 +142,45 @@ class RampLimits:
         push = xp.where(value + slope * xp.abs(slope) / (2 * jerk) < to_rpm, 1.0, -1.0)
         most = xp.where(push * value < 0.0, self.brake_rpm_s, self.rise_rpm_s)
         way, begin = push * (to_rpm - value), push * slope
-        peak = xp.sqrt(xp.clip(jerk * way + begin * begin / 2, 0.0, None))
-        peak = xp.maximum(begin, xp.minimum(peak, most))
-        cruise = (way - (2 * peak * peak - begin * begin) / (2 * jerk)) / xp.where(peak > 0, peak, 1.0)
-        cruise = xp.clip(cruise, 0.0, None)
+        peak = xp.minimum(xp.sqrt(xp.clip(jerk * way + begin * begin / 2, 0.0, None)), most)
+        # Behind 0 the slope may be steeper than the rate there.
+        steep = peak < begin
+        bend = xp.where(steep, begin * begin, 2 * peak * peak - begin * begin)
+        cruise = xp.clip((way - bend / (2 * jerk)) / xp.where(peak > 0, peak, 1.0), 0.0, None)
         area, arrives = xp.zeros_like(value), xp.isfinite(value)
+        halves = self.brake_rpm_s != self.rise_rpm_s
+        crossed = ~arrives
         for change, time in (
-            (push * jerk, (peak - begin) / jerk),
+            (xp.where(steep, -push, push) * jerk, xp.abs(peak - begin) / jerk),
             (0.0 * push, xp.where(peak > 0.0, cruise, 0.0)),
             (-push * jerk, peak / jerk),
         ):
-            spent = xp.minimum(left, time)
-            arrives = arrives & (spent == time)
+            spent = xp.where(crossed, 0.0, xp.minimum(left, time))
+            zero = xp.where(halves, _passes(value, slope, change), xp.inf) if halves.any() else xp.inf
+            crosses = ~crossed & (zero < spent)
+            spent = xp.where(crosses, zero, spent)
+            arrives = arrives & ~crossed & (spent == time)
             area = area + spent * (value + spent * (slope / 2 + change * spent / 6))
             value = value + (slope * spent + change * spent * spent / 2)
             slope = slope + change * spent
             left = left - spent
+            value, crossed = xp.where(crosses, 0.0, value), crossed | crosses
         return Ramp(xp.where(arrives, to_rpm, value), xp.where(arrives, 0.0, slope)), left, area
+
+
+def _passes(value: FloatArray, slope: FloatArray, change: FloatArray) -> FloatArray:
+    """Return the first times at which values pass through 0, or touch it, [s]; infinite for none.
+
+    Their slopes change by `change` in a second.
+    """
+    xp, square = namespace(value), slope * slope - 2 * change * value
+    twice = -(slope + xp.copysign(xp.sqrt(xp.clip(square, 0.0, None)), slope))
+    straight = 2 * value / xp.where(twice != 0.0, twice, 1.0)
+    bent = twice / xp.where(change != 0.0, change, 1.0)
+    first = xp.where((twice != 0.0) & (straight > 0.0), straight, xp.inf)
+    first = xp.where((change != 0.0) & (bent > 0.0), xp.minimum(first, bent), first)
+    never: FloatArray = xp.where((value == 0.0) | (square < 0.0), xp.inf, first)
+    return never
 
 
 def _leg(

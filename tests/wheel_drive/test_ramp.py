@@ -82,9 +82,24 @@ def test_a_brake_of_its_own_acts_towards_0_only(jerk):
     assert value == pytest.approx([10, 20, 30, 40, 40, 0, -10, -20, -20, -10], abs=1e-3)
 
 
-def test_an_s_curve_with_two_rates_comes_to_rest_between_both_directions():
-    limits = RampLimits(200.0, 400.0, 4000.0, 1e-3)
-    value, slope, _ = followed(limits, [40.0] * 400 + [-40.0] * 600)
-    assert np.min(np.abs(value[400:]) + np.abs(slope[400:]) / 1e3) < 0.01
-    assert slope.min() == pytest.approx(-400.0)
-    assert slope[np.flatnonzero(value < 0.0)].min() == pytest.approx(-200.0)
+@pytest.mark.parametrize(("rise", "brake"), [(200.0, 400.0), (400.0, 200.0)])
+def test_an_s_curve_with_two_rates_passes_through_0_and_goes_over_to_the_other_rate(rise, brake):
+    value, slope, _ = followed(RampLimits(rise, brake, 4000.0, 1e-3), [60.0] * 600 + [-60.0] * 900)
+    back = slice(600, None)
+    passes = 600 + int(np.flatnonzero(value[back] <= 0.0)[0])
+    assert slope[passes] == pytest.approx(-brake, abs=5.0)
+    assert slope[back].min() == pytest.approx(-max(rise, brake))
+    # The rates are 200 rpm/s apart, for which the jerk takes 50 ms.
+    assert slope[passes + 51 : passes + 100] == pytest.approx(np.full(49, -rise))
+    assert np.max(np.abs(np.diff(slope))) < 4000.0 * 1.001e-3
+    assert value.min() > -60.0 - 1e-9
+    assert (value[-1], slope[-1]) == (-60.0, 0.0)
+
+
+def test_rates_that_hardly_differ_make_the_ramp_of_one_rate():
+    """Where the ramp passes through 0 the rates must not show that they are two."""
+    commands = np.repeat(np.random.default_rng(1).uniform(-90.0, 90.0, 40), 7)
+    one = followed(RampLimits(300.0, 300.0, 2000.0, 0.02), commands)
+    two = followed(RampLimits(300.0, 300.0 * (1.0 + 1e-9), 2000.0, 0.02), commands)
+    for a, b in zip(one, two, strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-4)

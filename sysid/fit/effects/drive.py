@@ -11,9 +11,9 @@ A law of unit DC gain fits a drive that never reaches its command by a pole that
 therefore starting points: that of the fit, and one with a free gain, which becomes the effect `speed_gain`. A
 pole slower than the logs can show only imitates a gain, and errs as soon as a command is held longer: if the
 law of the fit has one, first-order laws with a free gain are the starts, and no pole may become that slow.
-Whatever is found, the law of the fit stays if it predicts the validation runs better by `WORTH`.
+The law of the fit stays all the same if it predicts the validation runs far better than what is found.
 Where the law leaves much more than the noise, a simple drive (`sysid.fit.effects.simple_drive`) and drives
-under PI control, with and without anti-windup (`sysid.fit.effects.pi_drive`), are starts, too.
+under PI control (`sysid.fit.effects.pi_drive`) are starts, too.
 
 A dead zone that subtracts and friction on a drive without integral action take the same speed from a wheel
 that turns, and differ only while it starts and stops. Where the logs do not tell them apart, it is friction:
@@ -36,15 +36,17 @@ from sysid.compare.measured import observe, select_runs
 from sysid.compare.model_error import Whitener
 from sysid.compare.noise import measure_noise
 from sysid.fit.effects.candidates import drive_candidates, first_order_laws
-from sysid.fit.effects.pi_drive import WINDUPS
-from sysid.fit.effects.reached import WORTH, HeldOut, Reached, confirmed
+from sysid.fit.effects.pi_drive import KINDS
+from sysid.fit.effects.reached import HeldOut, Reached, confirmed
 from sysid.fit.effects.search import EffectSearch, searched
 from sysid.logs import Dataset
 from sysid.progress import Progress, silent, within
 
 _FAR: Final = 2.0
-"""Squared error of the law over the noise from which a simple drive, fitted globally, is a start, too.
-Assumed."""
+"""Squared error of the law over the noise from which a simple drive, fitted globally, is a start, too; and
+that of what is found over that of a law that is not enough, above which the law stays. Assumed."""
+_SPARE: Final = 0.03
+"""Share by which a ceiling must lie above all commands, or below the largest. Assumed."""
 _SECONDS: Final = 40.0
 _TICKS: Final = (4000, 8000)
 """Duration of the runs that decide, repeats not counted [s], and fewest and most ticks of the law in them:
@@ -126,17 +128,30 @@ def find_drive_effects(
         tell("a simple drive, from anywhere")
         anywhere = [searches[0].simple_drive(alone)]
         tell("a drive under PI control, from anywhere")
-        anywhere += [searches[0].pi_drive(alone, windup) for windup in WINDUPS]
+        anywhere += [searches[0].pi_drive(alone, kind) for kind in KINDS]
         searches += [EffectSearch(model, whitener, held_out, largest_pole, known) for model in anywhere]
         began += [start for search in searches[-len(anywhere) :] if (start := search.begin()) is not None]
-    reached = searched(searches, began, tell)
+    asked_rpm = max(float(np.max(np.abs(run.command.wheels_rpm))) for run in runs)
+    reached = [
+        one for one in searched(searches, began, tell) if not has_unasked_ceiling(one.model, asked_rpm)
+    ]
     worthy = in_place_of(first, reached, held_out.whitener.size, is_enough=is_enough)
     best = worthy or (None if is_enough else first)
     before, before_rpm = held_out.errors(alone)
-    if best is None or best.held_out > (1.0 + WORTH) * before:
+    if best is None or best.held_out**2 > (1.0 if is_enough else _FAR) * before**2:
         return None
     model, of_law = best.stated()
     return DriveEffects(model, of_law, before_rpm, best.held_out_rpm)
+
+
+def has_unasked_ceiling(model: Model, asked_rpm: float) -> bool:
+    """Return whether a model's speed ends about where the commands of the logs do, at `asked_rpm`.
+
+    Such a ceiling cuts off some overshoots in these logs, and every faster command in the next ones.
+    """
+    gain = model.effects.get("speed_gain", {}).get("gain", 1.0)
+    limits = [v["limit_rpm"] for name, v in model.effects.items() if cause_of(name) == "speed_saturation"]
+    return any(abs(limit / max(gain * asked_rpm, 1e-9) - 1.0) < _SPARE for limit in limits)
 
 
 def in_place_of(

@@ -36,7 +36,7 @@ from sysid.compare.search_space import (
     effect_set,
 )
 from sysid.fit.effects.candidates import TRIED, starts
-from sysid.fit.effects.pi_drive import pi_drive
+from sysid.fit.effects.pi_drive import Kind, pi_drive
 from sysid.fit.effects.reached import HeldOut, Reached
 from sysid.fit.effects.simple_drive import SIMPLE_DRIVE, simple_drive
 from sysid.progress import Progress
@@ -139,12 +139,12 @@ class EffectSearch:
         names = [name for name in SIMPLE_DRIVE if name in self.known]
         return simple_drive(alone, self._set(names), self.largest_pole, self._cost)
 
-    def pi_drive(self, alone: Model, windup: float) -> Model:
-        """Return the PI drive that explains these logs best, with a `windup` as `Wheel` has it.
+    def pi_drive(self, alone: Model, kind: Kind) -> Model:
+        """Return the PI drive of a `kind` that explains these logs best.
 
         The rest is as in the law `alone`.
         """
-        return pi_drive(alone, self._top_rpm, windup, self.problem.residual)
+        return pi_drive(alone, self._top_rpm, kind, self.problem.residual)
 
     def _cost(self, model: Model) -> float:
         residual = self.problem.residual(model)

@@ -11,7 +11,7 @@ import pytest
 from mecanum_env.model import Model, paper_model
 from mecanum_env.simulator import replay_bench
 from sysid.fit import FitOptions, fit_dataset, fitted_model
-from sysid.fit.effects.pi_drive import WINDUPS, pi_drive, pi_law
+from sysid.fit.effects.pi_drive import KINDS, Kind, pi_drive, pi_law
 from sysid.logs import BenchCommand, Dataset, Run, Split
 
 TIME_S = np.arange(240) / 100.0
@@ -31,24 +31,35 @@ def speeds(model: Model) -> np.ndarray:
     return replay_bench(model, TIME_S, COMMAND_RPM)
 
 
-@pytest.mark.parametrize("windup", WINDUPS)
-def test_the_integral_is_the_one_that_leaves_least(windup: float) -> None:
-    measured = speeds(limited_drive(windup))
+def ramped_drive() -> Model:
+    """Return a drive whose set-point is an S-curve that its motor follows."""
+    wheel = replace(paper_model().wheel, law=pi_law(0.01, 0.3, 8.0, 0.15, 0.01))
+    rates = {"limit_rpm_s": 350.0, "jerk_rpm_s2": 3500.0, "brake_rpm_s": 500.0}
+    return replace(paper_model(), wheel=wheel).with_effect("acceleration_limit/s_curve", **rates)
+
+
+@pytest.mark.parametrize(
+    ("kind", "true"),
+    [("anti-windup", limited_drive(0.0)), ("windup", limited_drive(1.0)), ("ramp", ramped_drive())],
+)
+def test_of_three_kinds_of_drive_the_right_one_leaves_least(kind: Kind, true: Model) -> None:
+    measured = speeds(true)
 
     def residual(model: Model) -> np.ndarray:
         return speeds(model) - measured
 
     top_rpm = float(np.max(np.abs(measured)))
-    found = {tried: pi_drive(paper_model(), top_rpm, tried, residual) for tried in WINDUPS}
+    found = {tried: pi_drive(paper_model(), top_rpm, tried, residual) for tried in KINDS}
+    assert [model.wheel.windup for model in found.values()] == [0.0, 1.0, 0.0]
     left = {tried: float(np.std(residual(model))) for tried, model in found.items()}
-    assert [model.wheel.windup for model in found.values()] == list(WINDUPS)
-    assert left[windup] < 0.05 * float(np.std(measured))
-    assert left[windup] < 0.5 * left[1.0 - windup]
+    assert min(left, key=lambda tried: left[tried]) == kind
+    assert left[kind] < 0.05 * float(np.std(measured))
+    assert left[kind] < 0.5 * sorted(left.values())[1]
 
 
 def test_a_drive_that_cannot_be_simulated_leaves_the_law_as_it_is() -> None:
     alone = paper_model()
-    assert pi_drive(alone, 100.0, 0.0, lambda _: None) is alone
+    assert pi_drive(alone, 100.0, "ramp", lambda _: None) is alone
 
 
 def test_the_law_of_a_pi_loop_has_a_gain_of_one() -> None:

@@ -30,6 +30,7 @@ from sysid.gap.report.held_out import (
 )
 from sysid.gap.report.where import regions
 from sysid.gap.result import CustomProposal, GapOptions, GapReport, Untestable
+from sysid.gap.runs_apart import with_runs_apart
 from sysid.gap.search.chance import chance_gains, smallest_detectable, untestable
 from sysid.gap.search.checks import require_movement, require_valid
 from sysid.gap.search.custom import propose
@@ -65,6 +66,7 @@ def analyse(
     require_valid(options, dataset.level, dataset.columns)
     require_movement(dataset)
     dataset, tails = weighted_down(dataset)
+    dataset, apart = with_runs_apart(dataset)
     budget = budget_of(dataset, model, options)
     fitted_on = None if options.fitted_on is None else weighted_down(options.fitted_on)[0]
     with without_engine_warnings(), one_thread():
@@ -89,7 +91,7 @@ def analyse(
     heavy = tuple(one.note(channel) for channel, one in tails.items())
     return replace(
         report,
-        notes=(*heavy, *budget.notes, *report.notes),
+        notes=(*heavy, *budget.notes, *apart, *report.notes),
         tails=tails,
         false_alarm=budget.level,
         studies=budget.studies,

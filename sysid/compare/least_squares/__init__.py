@@ -17,15 +17,17 @@ from sysid.compare.least_squares.gauss_newton import (
     descend_steeply,
     reach,
 )
-from sysid.compare.least_squares.phases import likely_frequencies
+from sysid.compare.least_squares.phases import FREQUENCIES, at_likeliest_phase, likely_frequencies
 from sysid.compare.least_squares.problem import SMOOTH_STEP, ResidualProblem
 
 __all__ = [
+    "FREQUENCIES",
     "PRIOR",
     "SMOOTH_STEP",
     "Fitted",
     "Minimum",
     "ResidualProblem",
+    "at_likeliest_phase",
     "base_fit",
     "compass_search",
     "derivative_free",

@@ -20,8 +20,11 @@ from mecanum_env.model import Model
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 from sysid.compare.measured import Block
 from sysid.compare.model_error import Marginal
+from sysid.compare.predicted import SimulationSettings, predict
+from sysid.logs import Run
 
 PHASE: Final = "phase_deg"
+_SPEED: Final = "speed_rpm"
 _PHASES_DEG: Final = (0.0, 120.0, 240.0)
 """Three phases give mean, sine and cosine of a response, free of its second harmonic in the mean."""
 _VARIANCE: Final = 0.5
@@ -63,8 +66,7 @@ def with_unknown_phases(
     known = [one for one in found if one is not None]
     if len(known) < len(found):
         return None
-    at = np.radians(_PHASES_DEG)
-    circle = 2.0 / len(at) * np.stack([np.cos(at), np.sin(at)])
+    circle = _circle()
     of_blocks = [np.stack(parts) for parts in zip(*known, strict=True)]
     means = [parts.mean(axis=0) for parts in of_blocks]
     per_turn = {model.effects[name]["per_turn"] for name in turning}
@@ -134,6 +136,30 @@ def _over_mean_phases(mean: FloatArray, waves: FloatArray, repeats: int) -> tupl
     marginal = Marginal(waves * math.sqrt(_VARIANCE / repeats))
     own = marginal.of(mean)
     return own, float(own @ own) + 2.0 * float(np.sum(np.log(marginal.spread)))
+
+
+def at_likeliest_phase(model: Model, run: Run, settings: SimulationSettings) -> Model:
+    """Return a model whose effects that follow the wheel's angle have the phase that leaves least of a run.
+
+    The angle at which the wheel starts is known for none. The run is one of a wheel on the bench, else the
+    model is returned as it is.
+    """
+    turning = [name for name in model.effects if CATALOGUE[name].follows_angle and not _neutral(model, name)]
+    measured = run.channels.get(_SPEED)
+    if not turning or measured is None:
+        return model
+    found = [predict(_turned(model, turning, at), run, settings=settings)[_SPEED] for at in _PHASES_DEG]
+    parts, seen = np.stack(found), np.isfinite(measured)
+    cosine, sine = _circle() @ parts
+    waves = -np.stack([cosine, sine], axis=1)[seen]
+    cos, sin = _likeliest((measured - parts.mean(axis=0))[seen], waves)
+    return _turned(model, turning, math.degrees(math.atan2(sin, cos)))
+
+
+def _circle() -> FloatArray:
+    """Return what makes cosine and sine of a response at `_PHASES_DEG`, (2, 3)."""
+    at = np.radians(_PHASES_DEG)
+    return np.asarray(2.0 / len(at) * np.stack([np.cos(at), np.sin(at)]))
 
 
 def likely_frequencies(

@@ -17,7 +17,7 @@ from mecanum_env.kinematics import POSE
 from mecanum_env.model import Model
 from mecanum_env.statistics import rms
 from mecanum_env.units import FloatArray
-from sysid.compare.least_squares import ResidualProblem
+from sysid.compare.least_squares import ResidualProblem, at_likeliest_phase
 from sysid.compare.measured import observe
 from sysid.compare.predicted import SimulationSettings, Simulator, predict
 from sysid.compare.search_space import EffectSet
@@ -61,8 +61,11 @@ def held_out(dataset: Dataset) -> tuple[Split, tuple[Run, ...]]:
 
 
 def predicted(model: Model, runs: Sequence[Run], settings: SimulationSettings) -> list[dict[str, FloatArray]]:
-    """Return what a model predicts for each run: channel -> values at its rows, shape (n,)."""
-    return [predict(model, run, settings=settings) for run in runs]
+    """Return what a model predicts for each run: channel -> values at its rows, shape (n,).
+
+    An effect that follows the wheel's angle has the phase that leaves least of the run.
+    """
+    return [predict(at_likeliest_phase(model, run, settings), run, settings=settings) for run in runs]
 
 
 def compare(

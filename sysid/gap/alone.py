@@ -41,7 +41,8 @@ def law_of(dataset: Dataset, options: GapOptions, progress: Progress = silent) -
     """Return the law that was fitted to bench logs together with effects, and the options of its study.
 
     The effects are left out of the model, except for a delay: a study of the same logs then names what is
-    beyond the law. It may find as many effects as the fit did. `progress` is called before each stage.
+    beyond the law. It may find as many effects as the fit did. Where commands act at times of their own, law
+    and effects together tell these. `progress` is called before each stage.
 
     Raises:
         InputError: logs to which no law can be fitted.
@@ -55,7 +56,7 @@ def law_of(dataset: Dataset, options: GapOptions, progress: Progress = silent) -
     )
     most = max(options.max_effects, len(beyond))
     law = replace(whole, effects=kept, uncertainty=uncertainty)
-    return law, replace(options, max_effects=most, notes=(*options.notes, note))
+    return law, replace(options, max_effects=most, timed_by=whole, notes=(*options.notes, note))
 
 
 def _selected(dataset: Dataset) -> Dataset:

@@ -70,7 +70,7 @@ def analyse(
     budget = budget_of(dataset, model, options)
     fitted_on = None if options.fitted_on is None else weighted_down(options.fitted_on)[0]
     with without_engine_warnings(), one_thread():
-        late = AlignedLogs.stated(dataset, model)
+        late = AlignedLogs.stated(dataset, model, options.timed_by)
         if late is None:
             options = replace(options, fitted_on=fitted_on)
             report, best = _analyse(dataset, model, options, budget.level, progress)

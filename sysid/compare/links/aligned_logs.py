@@ -74,18 +74,19 @@ class AlignedLogs:
         return cls(moved, delays, given, clock, period_s, dataset)
 
     @classmethod
-    def stated(cls, dataset: Dataset, given: Model) -> AlignedLogs | None:
+    def stated(cls, dataset: Dataset, given: Model, timed_by: Model | None = None) -> AlignedLogs | None:
         """Return bench logs aligned, if the `given` model says that their changes act at times of their own.
 
         It says so if their link jitters or loses commands, or if they show commands in the first row after
         these were given. A jitter of the stated size makes no change far later than the others. What does,
-        such as a gap in a gear at reversals, is left to be found.
+        such as a gap in a gear at reversals, is left to be found. `timed_by` is a model that predicts these
+        logs better, and so tells better when each change acted; None: the given one.
         """
         between = late_between_rows(given) is not None
         if dataset.level != "bench" or not (varies(given) or between):
             return None
         clock = LinkClock.of(given)
-        delays = _delays(given, dataset.runs, clock)
+        delays = _delays(timed_by or given, dataset.runs, clock)
         if between:
             return cls.of(dataset, given, clock, delays)
         if LOSS not in given.effects:

@@ -98,6 +98,19 @@ def test_later_commands_are_not_taken_for_others_that_were_given_later(model: Mo
     assert np.all(placed <= np.array([change.within_s for change in changes]) + EDGE_S + 1e-9)
 
 
+def test_a_model_that_predicts_the_logs_better_tells_the_times_better(model: Model, stamped: Model) -> None:
+    better = model.with_effect("acceleration_limit", limit_rpm_s=400.0)
+    data = logs(better, between_rows=True)
+    spread_s = []
+    for timed_by in (None, stamped.with_effect("acceleration_limit", limit_rpm_s=400.0)):
+        late = AlignedLogs.stated(data, stamped, timed_by)
+        assert late is not None
+        assert dict(late.model.effects) == dict(stamped.effects)
+        given_s = np.array([change.given_s for change in late.delays.changes])
+        spread_s.append(float(np.std(given_s + late.delays.delay_s - late.delays.mean_s - sent_s(data))))
+    assert spread_s[1] < 0.7 * spread_s[0]
+
+
 def test_a_model_of_such_logs_says_so_before_and_after(model: Model, stamped: Model) -> None:
     late = AlignedLogs.stated(logs(model, between_rows=True), stamped)
     assert late is not None

@@ -14,6 +14,8 @@ from mecanum_env.files import asset_path
 _SUFFIXES: Final = (".py", ".c", ".h", ".json")
 _LIBRARIES: Final = ("numpy", "scipy", "mujoco")
 _WITHOUT_EFFECT: Final = (
+    # In an installed package the assets are here, and the models among them are looked for by themselves.
+    "mecanum_env/assets",
     "mecanum_env/rendering",
     "mecanum_env/tankendo",
     "sysid/online",

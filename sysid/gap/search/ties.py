@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Final
 
@@ -76,11 +77,27 @@ def with_causes(
 
     Such an effect, a curve of several numbers, stands for what no cause does. If all are such, sets of
     more effects with fewer parameters among those `judged` count, too. None is returned if no set of causes
-    does as well. `floor`, `inflation` and `lacking` are as in `tied`.
+    does as well. Where a description does better than all of these, by more than chance, it comes last: it
+    may be what there is. `floor`, `inflation` and `lacking` are as in `tied`.
     """
-    named = tuple(one for one in as_good if not is_description(one))
-    if named or not as_good:
-        return named
+    named = tuple(one for one in as_good if not is_description(one)) or _simpler_causes(
+        search, floor, as_good, judged, inflation, lacking
+    )
+    least = min((one.score for one in named), default=-math.inf) - THRESHOLDS.tie_sigmas**2
+    return (*named, *(one for one in as_good if is_description(one) and one.score < least))
+
+
+def _simpler_causes(
+    search: Search,
+    floor: Floor,
+    as_good: Sequence[ScoredSet],
+    judged: Sequence[ScoredSet],
+    inflation: float,
+    lacking: float,
+) -> tuple[ScoredSet, ...]:
+    """Return sets of more effects with fewer parameters than descriptions `as_good`, and as good."""
+    if not as_good:
+        return ()
     problem, best = search.problem, as_good[0]
     simpler = [
         one

@@ -105,13 +105,16 @@ def test_what_a_function_without_a_cause_does_better_widens_a_tie(
         (("sensor_latency", "speed_gain"), ("speed_gain", "command_latency"), THRESHOLDS.exact_formula),
         (("backlash", "stiction"), ("backlash",), THRESHOLDS.formula_error),
         (("speed_gain", "stiction"), ("speed_gain", "backlash"), THRESHOLDS.formula_error),
+        # What the model does between command and sensor tells these two apart, such as its friction.
+        (("sensor_scale",), ("speed_gain",), THRESHOLDS.formula_error),
+        (("speed_gain", "backlash"), ("sensor_scale", "backlash"), THRESHOLDS.formula_error),
     ],
 )
 def test_only_formulas_of_which_there_are_several_excuse_what_a_set_leaves(
     better: tuple[str, ...], worse: tuple[str, ...], share: float
 ) -> None:
     """A factor or a delay has one formula: what it leaves is something else."""
-    problem: Any = SimpleNamespace(size=100, knows_all=False)
+    problem: Any = SimpleNamespace(size=100, knows_all=False, bench=True)
     more, less = (a_set(1e4, *names).fitted for names in (better, worse))
     assert formula_error(problem, Floor(1e4, trusted=False), more, less) == share
 

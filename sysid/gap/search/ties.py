@@ -192,15 +192,26 @@ def formula_error(
     """Return the relative error (rms) of formulas that may be all that makes a set worse than a better one.
 
     If the better one reaches the noise and the other does not, chance would have to give the first one just
-    what the other's formulas lack. Nor do the formulas of a factor or a delay lack anything.
+    what the other's formulas lack. Nor do the formulas of a factor or a delay lack anything. But where two
+    factors are told apart only by what the model does between them, such as its friction, the formulas of
+    that may lack something.
     """
     sharp = complete(problem, better, floor) and not complete(problem, worse, floor)
     own = [name for name in worse.names if name not in better.names] or worse.names
+    others = [name for name in better.names if name not in worse.names]
+    if any(_are_twins(one, other) for one in own for other in others) and problem.bench:
+        return THRESHOLDS.formula(beside_fit_of_robot=problem.knows_all)
     if all(name in CATALOGUE and CATALOGUE[name].exact for name in own):
         return THRESHOLDS.exact_formula
     if problem.knows_all or not sharp:
         return THRESHOLDS.formula(beside_fit_of_robot=problem.knows_all)
     return THRESHOLDS.familiar_formula if floor.familiar else THRESHOLDS.exact_formula
+
+
+def _are_twins(one: str, other: str) -> bool:
+    """Return whether no log of a wheel on the bench separates two effects of an ideal drive."""
+    known = one in CATALOGUE and other in CATALOGUE
+    return known and (other in CATALOGUE[one].bench_twins or one in CATALOGUE[other].bench_twins)
 
 
 def _as_good(

@@ -129,7 +129,7 @@ def _searched(
         progress(stage := "sets of effects beside noise that lasts")
         told = tuple(map(_lasting_note, noise.lasting.items()))
         # The noise is measured in these logs: the error is not that of the logs of the fit alone any more.
-        floor = replace(data.floor, compared=False)
+        floor = replace(data.floor, compared=False, lasting=True)
         error = _with_scatter(data, search)
         data = replace(data, noise=noise, error=error, floor=floor, notes=(*data.notes, *told))
         tell = within(progress, stage)

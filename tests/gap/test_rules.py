@@ -70,6 +70,13 @@ NAMED = Facts(
         ({"removed": 0.05, "floor": FAMILIAR}, "named", ""),
         ({"removed": 0.05, "floor": FAMILIAR, "is_plain": False}, "no_gap", "removes only 5%"),
         ({"removed": 0.5, "floor": UNKNOWN}, "named", ""),
+        (
+            {"removed": 0.4, "floor": replace(UNKNOWN, lasting=True)},
+            "unexplained",
+            "removes 50% of its square",
+        ),
+        ({"removed": 0.5, "floor": replace(UNKNOWN, lasting=True)}, "named", ""),
+        ({"removed": 0.4, "floor": replace(COMPARED, lasting=True)}, "named", ""),
         ({"raises_rms": True}, "unexplained", "raises the plain difference"),
         ({"raises_rms": True, "floor": BESIDE}, "unexplained", "in a command sequence"),
         ({"raises_rms": True, "floor": BESIDE, "p_misfit": 0.5}, "no_gap", "in a command sequence"),

@@ -47,6 +47,9 @@ class Floor:
     """Whether the model's own error is from a comparison with the logs of its fit."""
     knows_all: bool = False
     """Whether what every effect would do is among that error, as far as the logs of the fit leave it open."""
+    lasting: bool = False
+    """Whether the noise holds what lasts for a hold, which was measured beside the best set in these very
+    logs: it then holds whatever no set explains, too."""
     repeatable: bool = True
     """Whether repeats differ by no more than noise; if not, something random acts on the wheel."""
     false_alarm: float = THRESHOLDS.false_alarm

@@ -90,14 +90,16 @@ Rule: TypeAlias = Callable[[Facts], Outcome | None]
 def _far_apart(facts: Facts) -> Outcome | None:
     """Unexplained: nothing says how large the model's own error is, and the residual is plainly no noise.
 
-    An error that was measured on these very logs contains any gap, and so excuses none.
+    An error that was measured on these very logs contains any gap, and so excuses none. Where noise that
+    lasts was measured in them, too, a set must remove most of the difference.
     """
     near = facts.floor.trusted or facts.noise_ratio <= THRESHOLDS.above_noise
-    if near or facts.removed >= THRESHOLDS.least_removed:
+    least = THRESHOLDS.most_of_it if facts.floor.lasting else THRESHOLDS.least_removed
+    if near or facts.removed >= least:
         return None
     reason = (
         f"the difference is {math.sqrt(facts.noise_ratio):.2g} times the noise (rms), and no set of effects "
-        f"removes {THRESHOLDS.least_removed:.0%} of its square"
+        f"removes {least:.0%} of its square"
     )
     return _unexplained(facts, reason)
 

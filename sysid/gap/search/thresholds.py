@@ -69,7 +69,8 @@ class Thresholds:
     most_of_it: float = 0.5
     """Share of the squared difference above the noise from which a set keeps its name although a free term
     does better: it is then most of what happened. Where something random acts, share of the whole squared
-    difference, since the noise of repeats is part of what happened. Assumed."""
+    difference, since the noise of repeats is part of what happened. Also what a set must remove where nothing
+    says how large the model's own error is, and noise that lasts was measured in the same logs. Assumed."""
     plainly_visible: float = 1.5
     """Cost ratio above which an effect that brings the residual to the noise floor is accepted without the
     formula-error penalty: an error this far above expectation is not the residue of a formula. Also the ratio

@@ -47,9 +47,6 @@ class Floor:
     """Whether the model's own error is from a comparison with the logs of its fit."""
     knows_all: bool = False
     """Whether what every effect would do is among that error, as far as the logs of the fit leave it open."""
-    lasting: bool = False
-    """Whether the noise holds what lasts for a hold, which was measured beside the best set in these very
-    logs: it then holds whatever no set explains, too."""
     repeatable: bool = True
     """Whether repeats differ by no more than noise; if not, something random acts on the wheel."""
     false_alarm: float = THRESHOLDS.false_alarm
@@ -63,6 +60,9 @@ class Floor:
     independent: float = math.inf
     """Most degrees of freedom of a right model's cost: fewer than its values where the command sequences of a
     robot differ in their noise. Only in the commands of the fit do they excuse what a set leaves."""
+    lasting: bool = False
+    """Whether the noise holds what lasts for a hold, which was measured beside the best set in these very
+    logs: it then holds whatever no set explains, too."""
 
     def largest_ratio(self, size: int) -> float:
         """Return the cost over `size` values that a right model exceeds in a false alarm."""

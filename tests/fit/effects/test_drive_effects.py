@@ -10,6 +10,7 @@ from mecanum_env.simulator import replay_bench
 from mecanum_env.units import RAD_S_PER_RPM
 from sysid.fit import FitOptions, fit_dataset, fitted_model
 from sysid.fit.effects import find_drive_effects
+from sysid.fit.effects.drive import has_unasked_ceiling
 from sysid.fit.report import fit_json
 from sysid.logs import BenchCommand, Dataset, Run
 
@@ -134,6 +135,22 @@ def test_a_law_that_predicts_the_validation_runs_better_than_what_is_found_stays
     mixed = [new if run.split == "fit" else run for run, new in zip(runs, other, strict=True)]
     no_such_pole = 0.99 * float(np.max(np.abs(paper_module.wheel.law.poles)))
     assert find_drive_effects(Dataset("mixed", tuple(mixed), ()), paper_module, (), no_such_pole) is None
+
+
+@pytest.mark.parametrize(
+    ("form", "limit_rpm", "gain", "unasked"),
+    [
+        ("clip", 91.0, 1.0, True),
+        ("supply", 89.0, 1.0, True),
+        ("clip", 75.0, 1.0, False),
+        ("clip", 91.0, 0.8, False),
+    ],
+)
+def test_a_ceiling_at_the_largest_command_is_none(paper_module, form, limit_rpm, gain, unasked):
+    name = "speed_saturation" if form == "clip" else f"speed_saturation/{form}"
+    model = paper_module.with_effect("speed_gain", gain=gain).with_effect(name, limit_rpm=limit_rpm)
+    assert has_unasked_ceiling(model, 90.0) is unasked
+    assert not has_unasked_ceiling(paper_module, 90.0)
 
 
 def test_a_ramp_behind_a_delay_is_found_although_the_law_alone_imitates_both(paper_module):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ import pytest
 from mecanum_env.model import Model, paper_model
 from mecanum_env.simulator import replay_bench
 from mecanum_env.units import FloatArray
+from sysid.gap.search.scores import ScoredSet
 from sysid.logs import BenchCommand, Dataset, Run, Split
 
 NOISE_RPM = 0.5
@@ -26,6 +29,13 @@ def commands(rng: np.random.Generator, count: int = 5) -> list[FloatArray]:
         levels[2] = rng.integers(4, 12)
         found.append(np.concatenate([np.zeros(2), np.repeat(levels, [5, 4, 4, 3, 2])]))
     return found
+
+
+def a_set(score: float, *names: str) -> ScoredSet:
+    """Return a scored set of which only score and names are known."""
+    numbers = 5 if "static_map" in names else len(names)
+    fitted: Any = SimpleNamespace(names=names, candidate=SimpleNamespace(parameter_count=numbers))
+    return ScoredSet(fitted, np.array([score]))
 
 
 @pytest.fixture(scope="session")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,18 +14,9 @@ from sysid.compare.model_error.size import ChannelError, with_model_error
 from sysid.gap.result import GapOptions, Verdict
 from sysid.gap.search.chance import Floor
 from sysid.gap.search.rules import Facts, apply_rules
-from sysid.gap.search.scores import ScoredSet
 from sysid.gap.workflow import analyse
 
-from .conftest import MakeLogs
-
-
-def a_set(score: float, *names: str) -> ScoredSet:
-    """Return a scored set of which only score and names are known."""
-    numbers = 5 if "static_map" in names else len(names)
-    fitted: Any = SimpleNamespace(names=names, candidate=SimpleNamespace(parameter_count=numbers))
-    return ScoredSet(fitted, np.array([score]))
-
+from .conftest import MakeLogs, a_set
 
 UNKNOWN = Floor(1e4, trusted=False)
 COMPARED = Floor(1e4, trusted=True, compared=True)

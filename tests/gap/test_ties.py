@@ -5,22 +5,15 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 
 from sysid.gap.search import ties
 from sysid.gap.search.chance import Floor
-from sysid.gap.search.scores import ScoredSet
+
+from .conftest import a_set
 
 FLOOR = Floor(1e4, trusted=True)
 SEARCH: Any = SimpleNamespace(problem=None, base=None)
-
-
-def a_set(score: float, *names: str) -> ScoredSet:
-    """Return a scored set of which only score and names are known."""
-    numbers = 5 if "static_map" in names else len(names)
-    fitted: Any = SimpleNamespace(names=names, candidate=SimpleNamespace(parameter_count=numbers))
-    return ScoredSet(fitted, np.array([score]))
 
 
 @pytest.mark.parametrize(("score", "told"), [(-200.0, True), (-51.0, False)])

@@ -11,7 +11,7 @@ from mecanum_env.model import Model, paper_model
 from sysid.compare.measured import observe
 from sysid.compare.model_error import Whitener
 from sysid.compare.noise import measure_noise
-from sysid.fit.effects import EffectSearch, HeldOut, Reached
+from sysid.fit.effects import EffectSearch, HeldOut, Reached, searched
 from sysid.fit.effects.candidates import drive_candidates
 from sysid.fit.effects.drive import in_place_of
 from sysid.fit.effects.reached import confirmed
@@ -130,3 +130,32 @@ def test_a_form_takes_the_place_of_another_one_of_the_same_effect() -> None:
     assert round_.model.effects[form]["jerk_rpm_s2"] == pytest.approx(2000.0, rel=0.2)
     # It goes on from there, although it began without the form that it has.
     assert search.beside(round_).grown(round_)
+
+
+class FakeReached:
+    """A set whose price falls with its number; the error on the validation runs changes by a step with it."""
+
+    inflation = 1.0
+
+    def __init__(self, base: object, number: int, step: float) -> None:
+        self.base, self.number, self.held_out = base, number, 2.0 + step * number
+        effects = SimpleNamespace(names=(f"{number}",))
+        self.fitted = SimpleNamespace(candidate=SimpleNamespace(effects=effects))
+
+    def price(self, _inflation: float) -> float:
+        return -float(self.number)
+
+
+@pytest.mark.parametrize(("step", "rounds"), [(-0.1, 6), (0.1, 2)])
+def test_a_search_ends_that_only_fits_the_fit_runs_better(step: float, rounds: int) -> None:
+    base, grown = object(), []
+
+    def grow(one: Any) -> list[Any]:
+        grown.append(one.number)
+        return [FakeReached(base, one.number + 1, step)]
+
+    search: Any = SimpleNamespace(base=base, grown=grow, pruned=lambda one, _: one, rubbing=lambda one: one)
+    began: Any = FakeReached(base, 0, step)
+    found: list[Any] = list(searched([search], [began], lambda _: None))
+    assert grown == list(range(rounds))
+    assert found[0].number == rounds

@@ -167,6 +167,11 @@ class ResidualProblem:
         here, there = self.surrogate_residual(slow), self.surrogate_residual(model)
         return None if here is None or there is None else rollers + there - here
 
+    def cost(self, model: Model) -> float:
+        """Return the sum of squares of a model's residual, infinite if it cannot be simulated."""
+        residual = self.residual(model)
+        return math.inf if residual is None else float(residual @ residual)
+
     def _on_rollers(self, model: Model) -> FloatArray | None:
         """Return the whitened residual (N,) of a model that differs from the base model on rollers alone."""
         if model_key(model) == model_key(self.base):

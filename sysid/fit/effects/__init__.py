@@ -1,7 +1,7 @@
 """What a drive does besides its law: effects that are added while the law is fitted again with them."""
 
 from sysid.fit.effects.drive import DriveEffects, find_drive_effects
-from sysid.fit.effects.reached import HeldOut, Reached
+from sysid.fit.effects.reached import HeldOut, Reached, confirmed
 from sysid.fit.effects.search import EffectSearch, searched
 from sysid.fit.effects.uncertainty import with_uncertainty
 
@@ -10,6 +10,7 @@ __all__ = [
     "EffectSearch",
     "HeldOut",
     "Reached",
+    "confirmed",
     "find_drive_effects",
     "searched",
     "with_uncertainty",

@@ -137,7 +137,7 @@ class EffectSearch:
     def simple_drive(self, alone: Model) -> Model:
         """Return the simple drive that explains these logs best; the rest is as in the law `alone`."""
         names = [name for name in SIMPLE_DRIVE if name in self.known]
-        return simple_drive(alone, self._set(names), self.largest_pole, self._cost)
+        return simple_drive(alone, self._set(names), self.largest_pole, self.problem.cost)
 
     def pi_drive(self, alone: Model, kind: Kind) -> Model:
         """Return the PI drive of a `kind` that explains these logs best.
@@ -145,10 +145,6 @@ class EffectSearch:
         The rest is as in the law `alone`.
         """
         return pi_drive(alone, self._top_rpm, kind, self.problem.residual)
-
-    def _cost(self, model: Model) -> float:
-        residual = self.problem.residual(model)
-        return math.inf if residual is None else float(residual @ residual)
 
     def beside(self, reached: Reached) -> EffectSearch:
         """Return this search from the start of a set."""

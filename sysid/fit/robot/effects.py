@@ -22,9 +22,10 @@ from sysid.compare.model_error import Whitener
 from sysid.compare.noise import measure_noise
 from sysid.compare.predicted import SimulationSettings
 from sysid.compare.search_space import robot_deviations
-from sysid.fit.effects import DriveEffects, EffectSearch, HeldOut, Reached, searched
+from sysid.fit.effects import DriveEffects, EffectSearch, HeldOut, Reached, confirmed, searched
 from sysid.fit.robot.grip import RobotParameter
 from sysid.fit.robot.output_error import PlantData
+from sysid.fit.robot.sensor_times import with_sensor_times
 from sysid.fit.robot.simple_robot import ROBOT_NUMBERS, simple_robots
 from sysid.logs import Dataset
 from sysid.progress import Progress, silent
@@ -36,7 +37,7 @@ _BETTER: Final = 0.9
 """Largest ratio of the error on the validation runs to that of the law for which the result is taken.
 Assumed."""
 _SECONDS: Final = 30.0
-_ROUNDS: Final = 2
+_ROUNDS: Final = 3
 _WIDTH: Final = 1
 _PRUNED: Final = 1
 """Effort of the search, see `sysid.fit.effects.search.searched`. Assumed: a robot is simulated far
@@ -51,6 +52,7 @@ _KNOWN: Final = (
     "coulomb_friction",
     "viscous_friction",
     "roller_friction",
+    "sensor_latency/wheels",
     "sensor_latency/body",
     "sensor_latency/pose",
     "sensor_lowpass",
@@ -100,14 +102,16 @@ def find_robot_effects(
     settings = SimulationSettings("planar")
     observations = observe(replace(dataset, runs=most_active_runs(data.runs, _SECONDS)))
     whitener = Whitener(observations, measure_noise(dataset, observations), None)
-    residual = ResidualProblem(replace(alone, uncertainty={}), whitener, settings).base_residual
-    if float(residual @ residual) < _FAR * residual.size:
+    problem = ResidualProblem(replace(alone, uncertainty={}), whitener, settings)
+    if float(problem.base_residual @ problem.base_residual) < _FAR * problem.size:
         return None
     held_out = HeldOut.of(dataset, settings)
     before, before_rpm = held_out.errors(alone)
     names = tuple(name for name in ROBOT_NUMBERS if name not in given)
     known = {name: CATALOGUE[name] for name in _KNOWN}
     starts = simple_robots(alone, given, data, progress)
+    if any(block.channel not in data.channels for block in observations.blocks):
+        starts = [with_sensor_times(start, problem.cost) for start in starts]
     searches = [EffectSearch(start, whitener, held_out, POLE_LIMIT, known, names) for start in starts]
     began = [first for search in searches if (first := search.begin()) is not None]
     if not began:
@@ -115,7 +119,8 @@ def find_robot_effects(
     # Only a law of full order tells which integral it is.
     first = min(began, key=lambda one: one.price(min(each.inflation for each in began)))
     reached = searched(searches, [first], progress, _ROUNDS, _WIDTH, _PRUNED)
-    best = next((one for one in reached if one.held_out <= _BETTER * before), None)
+    worthy = [one for one in reached if one.held_out <= _BETTER * before]
+    best = confirmed(worthy, held_out.whitener.size)
     if best is None:
         return None
     model, covariance = best.stated()

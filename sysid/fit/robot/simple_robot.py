@@ -1,13 +1,14 @@
 """A simple robot of a few physical numbers: a start for law, effects and robot that no wheel's law reaches.
 
 A drive on the floor carries the robot. Where its torque is limited, its loop has integral action, the
-platform ramps its commands or the rollers have friction, the same step of the command rises differently
-driving straight, sideways and turning, and a law that was fitted to the wheels describes none of them. A lag,
-a delay and a gain, a servo with integral action and a torque limit, yaw inertia, friction of wheels and
-rollers and ramps have so few numbers that least squares finds them from the best of many places; law,
-robot and effects are then fitted together from there (`sysid.fit.robot.effects`). Many home-made controllers
-go on integrating while their voltage or current is limited, and overshoot after every large step: that is
-tried, too.
+platform or the drives ramp their commands or the rollers have friction, the same step of the command rises
+differently driving straight, sideways and turning, and a law that was fitted to the wheels describes none of
+them. A lag, a delay and a gain, a servo with integral action and a torque limit, yaw inertia, friction of
+wheels and rollers and ramps have so few numbers that least squares finds them from the best of many places;
+law, robot and effects are then fitted together from there (`sysid.fit.robot.effects`). Many home-made
+controllers go on integrating while their voltage or current is limited, and overshoot after every large step:
+that is tried, too. So is a ramp with round ends: without it, ramps of both kinds with corners imitate it in
+the logs of the fit, and go elsewhere in others.
 """
 
 from __future__ import annotations
@@ -104,15 +105,21 @@ _NUMBERS: Final = {
     "vc_ramp_rpm_s": _Number(30.0, _NO_RAMP_RPM_S, logarithmic=True),
     "ramp_rpm_s": _Number(30.0, _NO_RAMP_RPM_S, logarithmic=True),
     "brake": _Number(0.25, 4.0, (0.5, 2.0), logarithmic=True),
+    # Time in which the ramp of a drive reaches its rate; at its end the ramp has corners.
+    "round_s": _Number(0.001, 1.0, (0.02, 0.5), logarithmic=True),
 }
-_COMMAND, _DRIVE = ("v_ramp_rpm_s", "vc_ramp_rpm_s"), ("ramp_rpm_s",)
-_RAMPS: Final = {
+_SHORTEST_ROUND_S: Final = 0.005  # that a log may show
+_COMMAND, _DRIVE, _ROUND = ("v_ramp_rpm_s", "vc_ramp_rpm_s"), ("ramp_rpm_s", "brake"), ("round_s",)
+_RAMPS: Final[Mapping[str, tuple[str, ...]]] = {
     "no ramps": (),
     "ramps of the command": _COMMAND,
     "ramps of the drives": _DRIVE,
+    "ramps of the drives with round ends": (*_DRIVE, *_ROUND),
     "ramps of both": (*_COMMAND, *_DRIVE),
 }
-"""What is tried -> the numbers that then are ramps."""
+"""What is tried -> the numbers of `_UNUSED` that are then searched."""
+_UNUSED: Final = {"v_ramp_rpm_s": 1.0, "vc_ramp_rpm_s": 1.0, "ramp_rpm_s": 1.0, "brake": 0.5, "round_s": 0.0}
+"""Number -> its share where it is not searched, at which there is no such ramp and no round end."""
 _AS_FAST: Final = 0.95
 """Quantile of the rates of change in the logs around which ramps are tried: a ramp is never exceeded."""
 _OCTAVES: Final = (-0.5, 1.0)
@@ -152,13 +159,17 @@ def simple_robots(
         for what, ramps in _RAMPS.items():
             tell(f"simple robot{' that winds up' if windup else ''}, {what}")
             places = _places(ramps, rates)
-            tried = [(float(np.sum(residual(at, base) ** 2)), at, base) for base in bases for at in places]
+            tried = [
+                _Start(float(np.sum(residual(at, base) ** 2)), at, base, ramps)
+                for base in bases
+                for at in places
+            ]
             tried.sort(key=_cost)
-            coarse += [_descended(residual, base, at, 1e-2, _STEPS) for _, at, base in tried[:_DESCENDED]]
+            coarse += [_descended(residual, start, 1e-2, _STEPS) for start in tried[:_DESCENDED]]
         coarse.sort(key=_cost)
-        fine = [_descended(residual, base, place, 1e-3, _LAST_STEPS) for _, place, base in coarse[:_BEST]]
-        _, place, base = min(fine, key=_cost)
-        found.append(_model(base, given, place))
+        fine = [_descended(residual, start, 1e-3, _LAST_STEPS) for start in coarse[:_BEST]]
+        best = min(fine, key=_cost)
+        found.append(_model(best.base, given, best.place))
     return found
 
 
@@ -197,10 +208,10 @@ def _places(ramps: Sequence[str], rates_rpm_s: Mapping[str, float]) -> FloatArra
     """
     places = np.asarray(qmc.Sobol(len(_NUMBERS), rng=np.random.default_rng(0)).random(_TRIED), float)
     for index, (name, number) in enumerate(_NUMBERS.items()):
-        if number.tried is not None:
+        if name in _UNUSED and name not in ramps:
+            places[:, index] = _UNUSED[name]
+        elif number.tried is not None:
             places[:, index] = number.between(number.tried, places[:, index])
-        elif name in rates_rpm_s and name not in ramps:
-            places[:, index] = 1.0
         else:
             seen = rates_rpm_s.get(name, rates_rpm_s["ramp_rpm_s"] * RAD_S_PER_RPM)
             lowest, highest = _OCTAVES if name in rates_rpm_s else _LIMIT_OCTAVES
@@ -209,27 +220,44 @@ def _places(ramps: Sequence[str], rates_rpm_s: Mapping[str, float]) -> FloatArra
     return places
 
 
-_Start = tuple[float, FloatArray, Model]
-"""Cost at a place, the place, and the model that has the rest."""
+@dataclass(frozen=True, eq=False)
+class _Start:
+    """A place to descend from, or where that led."""
+
+    cost: float
+    place: FloatArray
+    base: Model
+    """The model that has the rest."""
+    ramps: tuple[str, ...]
+    """The numbers of `_UNUSED` that are searched."""
 
 
 def _cost(start: _Start) -> float:
-    return start[0]
+    return start.cost
 
 
 def _descended(
-    residual: Callable[[FloatArray, Model], FloatArray],
-    base: Model,
-    place: FloatArray,
-    step: float,
-    most: int,
+    residual: Callable[[FloatArray, Model], FloatArray], start: _Start, step: float, most: int
 ) -> _Start:
-    """Return the least cost near a place, where, and its model, as `descend_from_afar` does."""
-    return *descend_from_afar(lambda at: residual(at, base), place, step, most), base
+    """Return the least cost near a start and where that is, as `descend_from_afar` does.
+
+    Numbers that are not searched stay as they are.
+    """
+    free = np.array([name not in _UNUSED or name in start.ramps for name in _NUMBERS])
+
+    def whole(part: FloatArray) -> FloatArray:
+        place = start.place.copy()
+        place[free] = part
+        return place
+
+    cost, part = descend_from_afar(
+        lambda part: residual(whole(part), start.base), start.place[free], step, most
+    )
+    return replace(start, cost=cost, place=whole(part))
 
 
 def _model(base: Model, given: Sequence[str], place: FloatArray) -> Model:
-    """Return the simple robot at a place, shape (15,), each number a share of the way between its bounds."""
+    """Return the simple robot at a place, shape (16,), each number a share of the way between its bounds."""
     at = {name: number.at(float(x)) for (name, number), x in zip(_NUMBERS.items(), place, strict=True)}
     tick, robot = base.wheel.law.sample_period_s, base.robot
     pole = math.exp(-tick / at["lag_s"])
@@ -264,6 +292,10 @@ def _model(base: Model, given: Sequence[str], place: FloatArray) -> Model:
         effects["body_acceleration_limit"] = limited
     if at["ramp_rpm_s"] < _RAMP_RPM_S:
         ramp = at["ramp_rpm_s"]
-        effects["acceleration_limit"] = {"limit_rpm_s": ramp, "brake_rpm_s": at["brake"] * ramp}
+        rates = {"limit_rpm_s": ramp, "brake_rpm_s": at["brake"] * ramp}
+        if at["round_s"] < _SHORTEST_ROUND_S:
+            effects["acceleration_limit"] = rates
+        else:
+            effects["acceleration_limit/s_curve"] = {**rates, "jerk_rpm_s2": ramp / at["round_s"]}
     wheel = replace(base.wheel, law=law)
     return replace(base, wheel=wheel, robot=robot, effects=effects, uncertainty={})

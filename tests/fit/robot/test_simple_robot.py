@@ -153,6 +153,19 @@ def test_a_ramp_of_each_drive_with_slow_brakes_is_found(
     assert ramp == pytest.approx({"limit_rpm_s": 200.0, "brake_rpm_s": 100.0}, rel=0.3)
 
 
+def test_a_ramp_with_round_ends_is_found_and_no_ramp_of_the_platform(
+    robot_logs: Callable[..., Dataset], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ramps of both kinds with corners imitate it in these logs, and go elsewhere in others."""
+    monkeypatch.setattr(module, "WINDUPS", (0.0,))
+    true = {"limit_rpm_s": 180.0, "brake_rpm_s": 300.0, "jerk_rpm_s2": 1000.0}
+    profile = replace(paper_model(), effects={"acceleration_limit/s_curve": true})
+    logs = robot_logs(profile, runs=4, seconds=2.5)
+    (found,) = simple_robots(paper_model(), ("friction",), wheels_of(logs))
+    assert found.effects["acceleration_limit/s_curve"] == pytest.approx(true, rel=0.3)
+    assert "body_acceleration_limit" not in found.effects
+
+
 @pytest.fixture(scope="module")
 def found(logs: Dataset, start: Model) -> RobotWithEffects | None:
     def known_start(alone: Model, given: tuple[str, ...], data: PlantData, *_: object) -> list[Model]:

@@ -34,6 +34,7 @@ from sysid.compare.model_error.freedom import freedom_of_each
 from sysid.compare.model_error.nuisance import adopted_variants, fitted_variants
 from sysid.compare.model_error.shape import Key, ShapeBasis
 from sysid.compare.model_error.size import FACTORS, ModelError, Residual, estimate_model_error
+from sysid.compare.model_error.steady_gain import unreached_share, with_other_gain
 from sysid.compare.model_error.suspects import suspect_columns
 from sysid.compare.model_error.varying import VaryingPosterior, columns_of_sequences
 from sysid.compare.model_error.whitening import Whitener
@@ -45,8 +46,8 @@ from sysid.logs import Dataset
 _PARAMETER_SIGMAS: Final = 10.0
 """Prior standard deviation of a parameter, in its stated ones: the logs that gave these decide."""
 _FITTED, _ADOPTED = -1, -2
-"""Numbers of the groups of factors that are no shapes: what was fitted to these logs, and what a study of
-others added, which these do not decide."""
+"""Numbers of the groups of factors that are no shapes: what was fitted to these logs, and what these do not
+decide: what a study of others added, and a steady speed that they never show."""
 _ROUNDS: Final = 30  # of EM
 _LEAST_SIZE: Final = 1e-9
 _FOLD_S: Final = 4.0
@@ -91,6 +92,8 @@ class Learned:
     """Of the logs of the fit."""
     whitener: Whitener
     """Of the residual in the logs of the fit."""
+    unreached: float = 0.0
+    """Share of its steady speed that a wheel on the bench is short of throughout the logs of the fit."""
 
     @property
     def is_bench(self) -> bool:
@@ -129,7 +132,11 @@ class Learned:
         model does that errs.
         """
         of_fit = simulators is self.simulators
-        return _columns(self.model, self.basis, self.keys, self.scale, simulators, of_fit=of_fit, at=at)
+        # The logs of the fit, and others that hold their commands, do not show the steady speed.
+        unreached = 0.0 if of_fit or self.knows(simulators.full.observations) else self.unreached
+        return _columns(
+            self.model, self.basis, self.keys, self.scale, simulators, unreached, of_fit=of_fit, at=at
+        )
 
     def expected_error(
         self, whitener: Whitener, simulators: Simulators, at: Model | None = None
@@ -166,8 +173,9 @@ def learn(model: Model, dataset: Dataset, settings: SimulationSettings | None = 
     keys = tuple(sorted(basis.columns(then, observations, predicted)))
     scale = scale_of(model, [run for situation in observations.situations for run in situation.runs])
     columns = _columns(model, basis, keys, scale, simulators, of_fit=True)
+    unreached = unreached_share(then, observations) if is_bench(observations) else 0.0
     residual = [block.value - p for block, p in zip(observations.blocks, predicted, strict=True)]
-    added = len(adopted_variants(model))
+    added = len(adopted_variants(model)) + is_bench(observations)
     fitted = columns[0].shape[1] - len(keys) - added
     group_of = np.array([*[_FITTED] * fitted, *[_ADOPTED] * added, *_group_numbers(keys)])
     folds = _folds(observations)
@@ -202,6 +210,7 @@ def learn(model: Model, dataset: Dataset, settings: SimulationSettings | None = 
         freedom_of_each(costs / sizes),
         simulators,
         whitener,
+        unreached,
     )
 
 
@@ -314,11 +323,16 @@ def _columns(
     keys: Sequence[Key],
     scale: Scale,
     simulators: Simulators,
+    unreached: float = 0.0,
     *,
     of_fit: bool,
     at: Model | None = None,
 ) -> list[FloatArray]:
-    """Return K; in logs `of_fit` without what came after them, in others where the model `at` is."""
+    """Return K; in logs `of_fit` without what came after them, in others where the model `at` is.
+
+    Of a wheel on the bench the last of the columns that are no shapes is a gain that is larger by a share,
+    `unreached`.
+    """
     observations = simulators.full.observations
     at_the_time = as_fitted if of_fit else _as_it_is
     model, varied = at_the_time(model), (fitted_variants(model), adopted_variants(model))
@@ -329,6 +343,10 @@ def _columns(
         for variants in varied
     )
     suspects = [] if is_bench(observations) else suspect_columns(model, scale, simulators, here)
+    if is_bench(observations):
+        known = [np.zeros(block.value.size) for block in observations.blocks]
+        other = with_other_gain(model, unreached)
+        added.append(change(simulators.smooth, other, model, here) if unreached > 0.0 else known)
     found = []
     for index, block in enumerate(observations.blocks):
         parts = [column[index] for column in (*moved, *suspects, *added)]

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Final
 
 from mecanum_env.errors import InputError
 from mecanum_env.model import Model
@@ -23,6 +25,10 @@ from sysid.gap.search.chance import Floor
 from sysid.gap.search.deciding_runs import deciding_runs
 from sysid.gap.search.thresholds import THRESHOLDS
 from sysid.logs import Dataset
+
+_UNREACHED: Final = 0.02
+"""Least share of the steady speed, never reached in the logs of a fit, for a note. Assumed: what `sysid.fit`
+says of a gain other than 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,12 +78,7 @@ def study_data(dataset: Dataset, model: Model, options: GapOptions) -> StudyData
         else:
             learned = learn(model, fitted_on, settings)
             error, noise = learned.error_in(observations), noise.beside(learned.whitener.noise)
-            if (ratio := learned.noise_ratio) > THRESHOLDS.above_noise:
-                notes.append(
-                    f"the model misses the logs of its own fit by {math.sqrt(ratio):.2g} times the noise "
-                    "(rms), which hides smaller changes; where the commands of the fit are driven again, it "
-                    "cancels"
-                )
+            notes += _limits_of(learned, observations)
         notes.append(
             f"compared with the logs of the fit ({fitted_on.name}): an error that these show, too, is no gap"
         )
@@ -128,6 +129,21 @@ def study_data(dataset: Dataset, model: Model, options: GapOptions) -> StudyData
         floor = replace(floor, independent=learned.freedom * sequences)
     stated = None if same_logs else error
     return StudyData(observations, noise, stated, floor, tuple(notes), learned, repeated)
+
+
+def _limits_of(learned: Learned, observations: Observations) -> Iterator[str]:
+    """Yield what a study of some observations cannot see because of the logs of the model's fit."""
+    if (ratio := learned.noise_ratio) > THRESHOLDS.above_noise:
+        yield (
+            f"the model misses the logs of its own fit by {math.sqrt(ratio):.2g} times the noise (rms), "
+            "which hides smaller changes; where the commands of the fit are driven again, it cancels"
+        )
+    if learned.unreached > _UNREACHED and not learned.knows(observations):
+        yield (
+            "in the logs of the fit each command ended before the wheel had settled, at "
+            f"{1.0 - learned.unreached:.0%} of the model's steady speed at most: the model's gain may be off "
+            "by the rest, which is no gap; a fit to logs that hold their commands for longer knows the gain"
+        )
 
 
 def _repeated_note(observations: Observations, repeated: RepeatedCommands) -> str:

@@ -219,6 +219,20 @@ def test_all_that_was_found_of_the_robot_is_in_the_model(
     assert fitted_model(fit).robot == fit.robot.robot
 
 
+def test_what_fits_the_fit_runs_only_is_not_taken(
+    logs: Dataset, start: Model, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first set has the best price, and another one predicts the validation runs far better."""
+    held_out = 2.0, 1.0
+    monkeypatch.setattr(robot_effects, "simple_robots", lambda *_: [start])
+    monkeypatch.setattr(
+        robot_effects, "searched", lambda _, began, *__: [replace(began[0], held_out=one) for one in held_out]
+    )
+    found = find_robot_effects(logs, paper_model(), (), wheels_of(logs))
+    assert found is not None
+    assert found.after == 1.0
+
+
 def test_the_model_states_one_covariance_of_law_and_effects(found: RobotWithEffects | None) -> None:
     assert found is not None
     stated = found.drive.model.uncertainty["joint"]

@@ -18,6 +18,7 @@ from sysid.gap.design.next_experiment import design_next_experiment
 from sysid.gap.inquiry import Inquiry, inquire
 from sysid.gap.link_faults import as_given, with_link_fault
 from sysid.gap.only_in_test import only_in_test
+from sysid.gap.refuted import refuted
 from sysid.gap.report.beside_fit import gap_beside_fit
 from sysid.gap.report.held_out import (
     Channels,
@@ -49,7 +50,7 @@ def analyse(
 ) -> GapReport:
     """Find where a model and logs disagree, which effects are missing, and what adding them gains.
 
-    Fit and validation runs decide; test runs only show the result.
+    Fit and validation runs decide; test runs show the result, and refute effects that raise the error there.
 
     Args:
         runs: bench or robot logs, as `sysid.logs.read_dataset` gives them, or the runs alone.
@@ -108,7 +109,13 @@ def _analyse(
     considered = [name for name in known if is_meant(name, only) and not is_meant(name, options.exclude)]
     found = inquire(dataset, model, options, considered, false_alarm, progress)
     progress("before and after")
-    return _report(dataset, model, options, found, considered), found.best_model or model
+    report = _report(dataset, model, options, found, considered)
+    if why := refuted(report):
+        notes = (*found.decision.notes, why)
+        decision = replace(found.decision, verdict="unexplained", chosen=None, candidates=(), notes=notes)
+        found = replace(found, decision=decision)
+        report = _report(dataset, model, options, found, considered)
+    return report, found.best_model or model
 
 
 def _report(

@@ -113,7 +113,8 @@ class Thresholds:
     changes the ratio by less. Also of the rms of all runs that decide, of a robot in other commands than
     those of its fit."""
     large_rms_rise: float = 1.05
-    """The same that counts even if pieces of the runs disagree about it. Assumed."""
+    """The same that counts even if pieces of the runs disagree about it; and the ratio of the rms of test
+    runs from which these refute a set. Assumed."""
     resamples: int = 500
     """Bootstrap resamples: a selection frequency is then right to sqrt(0.25 / 500) = 2 %."""
     interval_level: float = 0.9

@@ -1,0 +1,64 @@
+"""Test runs refute what raises the error there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from mecanum_env.model import Model
+from sysid.gap.refuted import refuted
+from sysid.gap.result import Difference, GapReport
+from sysid.gap.workflow import analyse
+from sysid.logs import Dataset
+from tests.gap.conftest import MakeLogs
+
+
+def mixed(deciding: Dataset, test: Dataset) -> Dataset:
+    """Return the fit and validation runs of some logs with the test runs of others."""
+    own = [run for run in deciding.runs if run.split != "test"]
+    return replace(deciding, runs=(*own, *test.split("test")))
+
+
+@pytest.fixture(scope="module")
+def report(base: Model, bench_logs: MakeLogs) -> GapReport:
+    """Return a study of logs in which the test runs are of a wheel without the effect that others show."""
+    slower = base.with_effect("speed_gain", gain=0.95)
+    return analyse(mixed(bench_logs(slower), bench_logs(base, seed=0)), base)
+
+
+def test_an_effect_that_raises_the_error_on_test_runs_is_not_named(base: Model, report: GapReport) -> None:
+    assert report.verdict == "unexplained"
+    assert (report.effects, report.candidates) == ((), ())
+    assert report.gap.after == report.gap.before
+    assert dict(report.model.effects) == dict(base.effects)
+    assert any("raises the error on the unseen test runs from" in note for note in report.notes)
+
+
+@pytest.fixture(scope="module")
+def found(base: Model, bench_logs: MakeLogs) -> GapReport:
+    """Return a study of logs in which all runs show the effect."""
+    return analyse(bench_logs(base.with_effect("speed_gain", gain=0.95)), base)
+
+
+def test_the_same_effect_is_named_where_the_test_runs_show_it_too(found: GapReport) -> None:
+    assert found.verdict in ("named", "ambiguous")
+    assert refuted(found) == ""
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        lambda gap: {"gap": replace(gap, after=1.04 * gap.before)},
+        lambda _: {"unseen": False},
+        lambda _: {"effects": ()},
+        lambda gap: {"gap_beside_fit": replace(gap, after=0.5 * gap.before)},
+    ],
+    ids=["within chance", "no untouched runs", "nothing named", "less beside the logs of the fit"],
+)
+def test_what_refutes_nothing(found: GapReport, changes: Callable[[Difference], dict[str, Any]]) -> None:
+    worse = replace(found, gap=replace(found.gap, after=2.0 * found.gap.before))
+    assert refuted(worse) != ""
+    assert refuted(replace(worse, **changes(worse.gap))) == ""

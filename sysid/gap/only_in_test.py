@@ -1,4 +1,4 @@
-"""A gap that only the test runs show, which do not decide.
+"""A gap that only the test runs show, in which nothing is looked for.
 
 Test runs are whole command sequences. A dead zone that swallows commands which no other sequence holds is
 seen in them alone: the study finds nothing in the rest, and yet the logs have a gap.

@@ -1,6 +1,6 @@
 """Errors before and after a study adds its effects, and the evidence for each set of effects.
 
-Errors are those of test runs, which take no part in the decision; without any, those of the runs that do.
+Errors are those of test runs, which take no part in the search; without any, those of the runs that do.
 """
 
 from __future__ import annotations

@@ -45,7 +45,7 @@ from sysid.progress import Progress, silent, within
 _FAR: Final = 2.0
 """Squared error of the law over the noise from which a simple drive, fitted globally, is a start, too; and
 that of what is found over that of a law that is not enough, above which the law stays. Assumed."""
-_SPARE: Final = 0.03
+_SPARE: Final = 0.05
 """Share by which a ceiling must lie above all commands, or below the largest. Assumed."""
 _SECONDS: Final = 40.0
 _TICKS: Final = (4000, 8000)

@@ -141,7 +141,7 @@ def test_a_law_that_predicts_the_validation_runs_better_than_what_is_found_stays
     ("form", "limit_rpm", "gain", "unasked"),
     [
         ("clip", 91.0, 1.0, True),
-        ("supply", 89.0, 1.0, True),
+        ("supply", 86.0, 1.0, True),
         ("clip", 75.0, 1.0, False),
         ("clip", 91.0, 0.8, False),
     ],

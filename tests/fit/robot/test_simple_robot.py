@@ -1,7 +1,7 @@
 """A robot whose drives integrate and are limited is found where no law behind a servo is enough."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +10,7 @@ import pytest
 from mecanum_env.model import Model, paper_model
 from mecanum_env.units import RAD_S_PER_RPM
 from sysid.fit import FitOptions, fit_dataset, fitted_model, pipeline
+from sysid.fit.effects import EffectSearch, Reached
 from sysid.fit.report import output as report
 from sysid.fit.robot import effects as robot_effects
 from sysid.fit.robot import find_robot_effects
@@ -231,6 +232,30 @@ def test_what_fits_the_fit_runs_only_is_not_taken(
     found = find_robot_effects(logs, paper_model(), (), wheels_of(logs))
     assert found is not None
     assert found.after == 1.0
+
+
+@pytest.mark.parametrize("body", [False, True])
+def test_times_of_sensors_are_tried_where_logs_show_more_than_the_wheels(
+    limited: Model, robot_logs: Callable[..., Dataset], monkeypatch: pytest.MonkeyPatch, body: bool
+) -> None:
+    def told(start: Model, _: object) -> Model:
+        tried.append(start)
+        return late
+
+    def ended(searches: Sequence[EffectSearch], *_: object) -> list[Reached]:
+        begun.extend(one.base for one in searches)
+        return []
+
+    tried: list[Model] = []
+    begun: list[Model] = []
+    late = limited.with_effect("sensor_latency/wheels", delay_s=0.02)
+    logs = robot_logs(limited, runs=3, seconds=1.5, body=body)
+    monkeypatch.setattr(robot_effects, "simple_robots", lambda *_: [limited])
+    monkeypatch.setattr(robot_effects, "with_sensor_times", told)
+    monkeypatch.setattr(robot_effects, "searched", ended)
+    assert find_robot_effects(logs, paper_model(), (), wheels_of(logs)) is None
+    assert tried == ([limited] if body else [])
+    assert ("sensor_latency/wheels" in begun[0].effects) is body
 
 
 def test_the_model_states_one_covariance_of_law_and_effects(found: RobotWithEffects | None) -> None:

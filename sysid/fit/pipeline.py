@@ -82,8 +82,12 @@ def _with_times(law: LawFit, plain: Fit, progress: Progress) -> Fit:
     """Return the fit with each change of the command at a time of its own, if that is much better.
 
     Friction and limits delay some changes more than others. Such times must therefore be worth it beside
-    the effects of the drive, too. Times between rows are estimated once more with the effects.
+    the effects of the drive, too. Times between rows are estimated once more with the effects. Nothing is
+    tried where the noise of the sensor alone leaves too much of the error.
     """
+    stamped_rpm = _held_out_rpm(plain)
+    if HeldOut.of(law.dataset).noise_rpm >= _TIMED * stamped_rpm:
+        return plain
     timed = with_times_of_commands(law, progress)
     if timed is law:
         return plain
@@ -93,7 +97,7 @@ def _with_times(law: LawFit, plain: Fit, progress: Progress) -> Fit:
         again = with_times_by(found.drive_effects.model, timed, law, progress)
         again = _beside_law(replace(again, tails=law.tails), tell)
         found = min(found, again, key=_held_out_rpm)
-    stamped_rpm, timed_rpm = _held_out_rpm(plain), _held_out_rpm(found)
+    timed_rpm = _held_out_rpm(found)
     if timed_rpm >= _TIMED * stamped_rpm:
         return plain
     note = (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from mecanum_env.effects.apply import Sensors
 from mecanum_env.simulator.free_wheel import BenchRuns, FreeWheel, wheel_motions
@@ -23,7 +23,7 @@ class Motion:
 
     def seen_by(self, sensors: Sensors) -> Motion:
         """Return what the sensors show of the motion."""
-        return replace(self, channels=sensors(self.time_s, self.channels))
+        return Motion(self.time_s, sensors(self.time_s, self.channels), self.lead_s)
 
 
 def bench_motions_of(wheel: FreeWheel, runs: BenchRuns) -> list[Motion]:

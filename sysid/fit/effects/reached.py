@@ -110,3 +110,19 @@ class HeldOut:
             part for block, part in zip(blocks, parts, strict=True) if block.channel.startswith("speed_")
         ]
         return rms(self.whitener.whiten(parts)), rms(np.concatenate(wheels))
+
+    @property
+    def noise_rpm(self) -> float:
+        """The rms error of the wheel speed [rpm] that the noise of its sensor alone makes.
+
+        It is of means of repeats, as in `errors`. It is what repeats differ by while a command is held, or
+        neighbouring samples, whichever is less: what differs after a change may be how late that acts.
+        """
+        noise, blocks = self.whitener.noise, self.whitener.observations.blocks
+        parts = [
+            min(noise.settled(block.channel), noise.scatter.get(block.channel, math.inf))
+            / np.sqrt(block.weight)
+            for block in blocks
+            if block.channel.startswith("speed_")
+        ]
+        return rms(np.concatenate(parts))

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mecanum_env.law import WheelLaw
 from mecanum_env.model import Model, paper_model
 from mecanum_env.simulator.bench import bench_motion
 from sysid.compare.links import AlignedLogs
@@ -15,6 +16,10 @@ from sysid.compare.links.in_model import late_between_rows
 from sysid.compare.predicted import predict
 from sysid.fit import Fit, FitOptions, fit_dataset, fitted_model, pipeline
 from sysid.fit.drive import command_times
+from sysid.fit.drive.command_path import infer_command_path
+from sysid.fit.drive.fitter import LawFitter
+from sysid.fit.effects import HeldOut
+from sysid.fit.estimators import Estimate
 from sysid.logs import BenchCommand, Dataset, Run
 
 MEAN_S, SPREAD_S = 0.1, 0.04
@@ -135,6 +140,47 @@ def test_a_fit_whose_gain_is_free_tries_no_other(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(command_times, "_link_in_turns", none)
     assert fit_dataset(rows_logs(between=True), replace(QUICK, unit_gain=False)).link is None
     assert set(gains) == {False}
+
+
+def test_no_times_are_tried_where_the_noise_is_most_of_the_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    data, asked = logs(0.0), []
+
+    def without_times(law: Any, _progress: Any) -> Any:
+        asked.append(law)
+        return law
+
+    monkeypatch.setattr(pipeline, "with_times_of_commands", without_times)
+    plain = fit_dataset(data, QUICK)
+    assert not asked
+    noise_rpm = HeldOut.of(data).noise_rpm
+    monkeypatch.setattr(pipeline, "_held_out_rpm", lambda _fit: 2.1 * noise_rpm)
+    assert fit_dataset(data, QUICK).law == plain.law
+    assert len(asked) == 1
+
+
+@pytest.mark.parametrize("spread_s", [0.0, SPREAD_S])
+def test_the_noise_of_the_sensor_is_no_more_where_a_link_is_late(spread_s: float) -> None:
+    assert HeldOut.of(logs(spread_s)).noise_rpm == pytest.approx(0.3, rel=0.1)
+
+
+def test_the_law_of_a_turn_is_that_which_predicts_the_other_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    def law() -> WheelLaw:
+        data = logs(0.0)
+        turn = command_times._Turn.of(infer_command_path(data), data, QUICK, {"speed_rpm": 0.3})
+        assert turn.error_rpm < 2.0
+        return turn.estimate.law
+
+    def halved(found: Estimate) -> Estimate:
+        law = found.law
+        return replace(found, law=replace(law, D=0.5 * law.D, E=0.5 * law.E, F=0.5 * law.F))
+
+    assert law().B != 0.0
+    simple, chosen = LawFitter.first_order, command_times.choose_drive
+    with monkeypatch.context() as patched:
+        patched.setattr(LawFitter, "first_order", lambda *given: halved(simple(*given)))
+        assert law().B != 0.0
+    monkeypatch.setattr(command_times, "choose_drive", lambda *a, **k: halved(chosen(*a, **k)))
+    assert law().B == 0.0
 
 
 def test_times_between_rows_are_one_stage_of_the_fit() -> None:

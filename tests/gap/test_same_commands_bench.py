@@ -153,6 +153,14 @@ def test_what_a_single_run_shows_and_its_repeats_do_not_is_no_gap(
     assert study(twice, nominal, base).verdict == "unexplained"
 
 
+def test_a_single_odd_run_hides_no_change(bench_logs: MakeLogs, wheel: Model, base: Model) -> None:
+    changed = wheel.with_effect("speed_gain", gain=0.95)
+    before, after = (bench_logs(one, noise_rpm=0.0, late_s=0.004) for one in (wheel, changed))
+    report = study(with_glitch(noisy(after, seed=5), "run1_1.csv"), noisy(before, seed=4), base)
+    assert [found.name for found in report.effects] == ["speed_gain"]
+    assert any(note.startswith("run1_1.csv differs from its repeats") for note in report.notes)
+
+
 def test_chance_gains_no_less_than_logs_show_in_which_nothing_changed(
     again: Dataset, nominal: Dataset, base: Model
 ) -> None:

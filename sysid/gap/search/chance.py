@@ -118,12 +118,12 @@ def _of_one_run(problem: ResidualProblem, fitted: Fitted[Any]) -> float:
 
 
 def complete(problem: ResidualProblem, fitted: Fitted[Any], floor: Floor) -> bool:
-    """Return whether a set leaves no more than a right model would."""
+    """Return whether a set leaves no more than a right model would, but for a single odd run."""
     ratio = floor.largest_ratio(problem.size)
     if not floor.trusted or fitted.cost <= problem.size * ratio:
         # The scatter, which takes simulations, could only add to what is allowed.
         return floor.trusted
-    return fitted.cost <= expected(problem, fitted) * ratio
+    return fitted.cost - _of_one_run(problem, fitted) <= expected(problem, fitted) * ratio
 
 
 def enough(
@@ -131,7 +131,8 @@ def enough(
 ) -> bool:
     """Return whether a set leaves what a right model would, or little beside what the set explains.
 
-    `right` is the cost of a right model, by default measured at the place of the set.
+    What a single run shows and its repeats do not is left out, as in `misfit`. `right` is the cost of a right
+    model, by default measured at the place of the set.
     """
     if not floor.trusted:
         return True
@@ -139,7 +140,7 @@ def enough(
     allowed = right * floor.largest_ratio(problem.size)
     explained = float(np.sum((base.residual - fitted.residual) ** 2))
     share = THRESHOLDS.adequate_residual**2 / max(1, len(fitted.names))
-    return fitted.cost <= allowed + share * explained
+    return fitted.cost - _of_one_run(problem, fitted) <= allowed + share * explained
 
 
 _MOST_DRAWS: Final = 32.0

@@ -73,9 +73,10 @@ def decide(search: Search, floor: Floor, max_effects: int, rng: np.random.Genera
             facts = collect(search, floor, max_effects, rng)
             notes.append("initial wheel angles are unknown: the ripple they can cause is counted as noise")
     outcome = apply_rules(facts)
-    if outcome.verdict == "no_gap" and (file := odd_run(problem, search.base, floor)):
-        notes.append(f"{file} differs from its repeats by more than noise, no other run does: look at it")
     found = outcome.verdict in ("named", "ambiguous")
+    told = facts.tied[0].fitted if found else search.base
+    if outcome.verdict != "unexplained" and (file := odd_run(problem, told, floor)):
+        notes.append(f"{file} differs from its repeats by more than noise, no other run does: look at it")
     return Decision(
         verdict=outcome.verdict,
         chosen=facts.tied[0] if found else None,

@@ -25,6 +25,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from scipy.stats import chi2
 
 from mecanum_env.model import Model, cause_of, model_sha256
 from sysid.compare.links import (
@@ -52,6 +53,9 @@ _LEAST_REMOVED: Final = 0.5
 """Share of the squared error above noise that moving the changes must remove: friction near rest delays
 small changes, too, and moving them removes a part of that. Set on drawn drives (bench seeds below 340), where
 the one quiet log in which a jitter had else been named lost 19 %."""
+_SURPLUS: Final = float(chi2.isf(2.0 * THRESHOLDS.false_alarm, 1))
+"""Twice the logarithm of a likelihood ratio that a link which loses as much as before exceeds in a false
+alarm (Wilks, Ann. Math. Stat. 9:60, 1938), one half of them since it may also have lost less."""
 _NAMES: Final = {"jitter": JITTER, "loss": LOSS}
 
 
@@ -213,7 +217,7 @@ def _merged(found: _Found, options: GapOptions, report: GapReport, rest: GapRepo
     parameters = {size: Interval(*fault.size)}
     if fault.kind == "jitter":
         parameters = {"delay_s": Interval(*fault.delay_s)} | parameters
-    since: Since = "new" if options.fitted_on is not None else "unknown"
+    since: Since = "unknown" if options.fitted_on is None or fault.surplus < _SURPLUS else "new"
     effect = FoundEffect(name, parameters, fault.frequency, since=since)
     cause = cause_of(name)
     sets = rest.candidates or ((),)
@@ -260,9 +264,12 @@ def _note(fault: LinkFault) -> str:
         else f"{size:.1%} ({low:.1%} .. {high:.1%}) of the commands never arrive, and the one before goes on "
         f"for {fault.period_s * 1e3:.0f} ms"
     )
+    older = ""
+    if fault.surplus < _SURPLUS:
+        older = "; the link may have lost as many while the logs of the fit were recorded, which show fewer"
     return (
         f"{what} (2 log likelihood ratio {fault.evidence:.0f}); the error after is with the changes where "
-        "they acted, which says nothing about predicting single changes"
+        f"they acted, which says nothing about predicting single changes{older}"
     )
 
 

@@ -67,6 +67,17 @@ def test_lost_commands_are_named_with_their_share(seed: int) -> None:
     assert found.parameters["share"].low < SHARE < found.parameters["share"].high
 
 
+@pytest.mark.parametrize(("seed", "share", "since"), [(25, 0.06, "unknown"), (1, 0.25, "new")])
+def test_lost_commands_are_new_only_if_the_logs_of_the_fit_would_have_shown_them(
+    seed: int, share: float, since: str
+) -> None:
+    # With the first seed two of the forty commands are lost.
+    lossy, steady = logs("loss", seed, commands=3, share=share), logs("steady", 9, commands=4)
+    report = analyse(lossy, paper_model(), replace(QUIET, fitted_on=steady))
+    assert [(found.name, found.since) for found in report.effects] == [("command_loss", since)]
+    assert any("may have lost as many" in note for note in report.notes) is (since == "unknown")
+
+
 def test_a_steady_link_is_not_named() -> None:
     report = analyse(logs("steady", 1), paper_model(), replace(QUIET, fitted_on=logs("steady", 9)))
     assert report.verdict == "no_gap"

@@ -9,7 +9,8 @@ likelihood of the change is
 a command that is lost, with a probability q, is repeated one period p later, and K_i repetitions follow
 before the next change. The period is estimated, too, since a log may not show how often a drive is sent its
 command. A spread, and a loss, is claimed if it raises the likelihood of all changes far more
-than its price, beside the spread and the loss of the logs of the model's fit, where these are known.
+than its price, beside the spread and the loss of the logs of the model's fit, where these are known. How much
+of a loss those may have had, too, is told by the `surplus`.
 """
 
 from __future__ import annotations
@@ -52,6 +53,9 @@ class LinkState:
     """Share of the commands that are lost."""
     least_spread_s: float = 0.0
     """Standard deviation of the delays [s] that the logs themselves show."""
+    losses: tuple[tuple[float, float], ...] = ()
+    """Shares that may be lost, each with the logarithm of its likelihood by the logs of the fit, 0 at most;
+    empty without such logs."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +75,8 @@ class LinkFault:
     """Share of resamples of the changes that show it, too."""
     spread_s: float = 0.0
     """Standard deviation of the delays beside a loss [s]."""
+    surplus: float = math.inf
+    """Twice the logarithm of the likelihood ratio of this loss to one that the logs of the fit share."""
 
     def delays(self, found: LinkDelays) -> LinkDelays:
         """Return the delays that were `found` as the fault makes them most likely, around its delay.
@@ -106,8 +112,10 @@ def known_state(before: LinkDelays | None, interval_s: float) -> LinkState:
     spread = max(_SPREADS_S, key=lambda one: float(table.total(one, 0.0).max()))
     period = _likeliest_period([table], LinkState(spread))
     shares = replace(table, period_s=period)
-    share = max(_SHARES, key=lambda one: float(shares.total(spread, one).max()))
-    return LinkState(max(spread, least_s), share, spread)
+    totals = {share: float(shares.total(spread, share).max()) for share in _SHARES}
+    share, most = max(totals.items(), key=lambda one: one[1])
+    losses = tuple((one, total - most) for one, total in totals.items())
+    return LinkState(max(spread, least_s), share, spread, losses)
 
 
 def link_fault(
@@ -154,7 +162,8 @@ def link_fault(
             size[0] / math.sqrt(own.size), known.spread_s
         )
         delay = float(own.mean()), max(0.0, float(own.mean()) - half), float(own.mean()) + half
-    return LinkFault(kind, proof, delay, size, period, frequency, spread_s)
+    surplus = _surplus(table, known, spread_s) if kind == "loss" else math.inf
+    return LinkFault(kind, proof, delay, size, period, frequency, spread_s, surplus)
 
 
 @dataclass(frozen=True, eq=False)
@@ -260,6 +269,15 @@ def _of_loss(table: _Table, known: LinkState) -> float:
     larger = _most(table, _spreads(known), [known_share, *shares[::3]])
     # The period of a loss is one more number that was estimated.
     return 2.0 * (larger - _as_known(table, known)) - 2.0 * math.log(len(table.offset))
+
+
+def _surplus(table: _Table, known: LinkState, spread_s: float) -> float:
+    """Return the `surplus` of a loss beside a spread: of two logs, either may have lost more by chance."""
+    if not known.losses:
+        return math.inf
+    totals = [float(table.total(spread_s, share).max()) for share, _ in known.losses]
+    common = max(total + fall for total, (_, fall) in zip(totals, known.losses, strict=True))
+    return 2.0 * (max(totals) - common)
 
 
 def _only_small_starts(table: _Table, changes: Sequence[Change], known: LinkState) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -75,6 +76,26 @@ def test_what_the_logs_of_the_fit_show_too_is_no_fault() -> None:
     known = known_state(before, 0.0)
     assert known.spread_s == pytest.approx(0.03, rel=0.4)
     assert link_fault(after, known, 0.9, np.random.default_rng(0)) is None
+
+
+@pytest.mark.parametrize(("lost_before", "lost_now", "more"), [(0, 1, False), (0, 8, True), (8, 10, False)])
+def test_a_loss_is_more_than_before_only_if_it_is_more_than_chance(
+    lost_before: int, lost_now: int, more: bool
+) -> None:
+    def of(count: int) -> LinkDelays:
+        to = np.tile([60.0, -30.0, 90.0, 0.0, 40.0], 12)
+        return seen(np.zeros(to.size), hold_s=0.05, to_rpm=to, lost=range(3, 3 + 5 * count, 5))
+
+    known = known_state(of(lost_before), 0.01)
+    assert max(likelihood for _, likelihood in known.losses) == 0.0
+    without = replace(known, share=0.0)
+    fault = link_fault(of(lost_now), without, 0.9, np.random.default_rng(0))
+    assert fault is not None
+    assert fault.kind == "loss"
+    assert (fault.surplus > 5.4) is more
+    alone = link_fault(of(lost_now), KNOWN, 0.9, np.random.default_rng(0))
+    assert alone is not None
+    assert alone.surplus == np.inf
 
 
 def test_few_changes_show_nothing() -> None:

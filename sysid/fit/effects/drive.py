@@ -13,7 +13,7 @@ pole slower than the logs can show only imitates a gain, and errs as soon as a c
 law of the fit has one, first-order laws with a free gain are the starts, and no pole may become that slow.
 The law of the fit stays all the same if it predicts the validation runs far better than what is found.
 Where the law leaves much more than the noise, a simple drive (`sysid.fit.effects.simple_drive`) and drives
-under PI control (`sysid.fit.effects.pi_drive`) are starts, too, until one of them leaves about the noise.
+under PI control (`sysid.fit.effects.pi_drive`) are starts, too.
 
 A dead zone that subtracts and friction on a drive without integral action take the same speed from a wheel
 that turns, and differ only while it starts and stops. Where the logs do not tell them apart, it is friction:
@@ -22,7 +22,7 @@ every motor has some. A later study of the same motor then does not take its fri
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -45,9 +45,6 @@ from sysid.progress import Progress, silent, within
 _FAR: Final = 2.0
 """Squared error of the law over the noise from which a simple drive, fitted globally, is a start, too; and
 that of what is found over that of a law that is not enough, above which the law stays. Assumed."""
-_NEAR: Final = 1.2
-"""The same of a simple drive, or one under PI control, beside its refitted law, below which no further one
-is a start: little is left that it could do better. Assumed."""
 _SPARE: Final = 0.05
 """Share by which a ceiling must lie above all commands, or below the largest. Assumed."""
 _SECONDS: Final = 40.0
@@ -127,12 +124,13 @@ def find_drive_effects(
         began = [min(began, key=lambda start: start.fitted.cost)]
         searches = [search for search in searches if search.base is began[0].base]
     first = began[0]
-    for model in _from_anywhere(searches[0], alone, tell) if first.inflation > _FAR else ():
-        searches.append(EffectSearch(model, whitener, held_out, largest_pole, known))
-        if (start := searches[-1].begin()) is not None:
-            began.append(start)
-            if start.inflation < _NEAR:
-                break
+    if first.inflation > _FAR:
+        tell("a simple drive, from anywhere")
+        anywhere = [searches[0].simple_drive(alone)]
+        tell("a drive under PI control, from anywhere")
+        anywhere += [searches[0].pi_drive(alone, kind) for kind in KINDS]
+        searches += [EffectSearch(model, whitener, held_out, largest_pole, known) for model in anywhere]
+        began += [start for search in searches[-len(anywhere) :] if (start := search.begin()) is not None]
     asked_rpm = max(float(np.max(np.abs(run.command.wheels_rpm))) for run in runs)
     reached = [
         one for one in searched(searches, began, tell) if not has_unasked_ceiling(one.model, asked_rpm)
@@ -144,17 +142,6 @@ def find_drive_effects(
         return None
     model, of_law = best.stated()
     return DriveEffects(model, of_law, before_rpm, best.held_out_rpm)
-
-
-def _from_anywhere(search: EffectSearch, alone: Model, tell: Progress) -> Iterator[Model]:
-    """Yield the drives of a few numbers that explain the logs of a search best, as places to start from.
-
-    What they do not have is as in the law that was fitted `alone`; `tell` is called before each kind.
-    """
-    tell("a simple drive, from anywhere")
-    yield search.simple_drive(alone)
-    tell("a drive under PI control, from anywhere")
-    yield from (search.pi_drive(alone, kind) for kind in KINDS)
 
 
 def has_unasked_ceiling(model: Model, asked_rpm: float) -> bool:

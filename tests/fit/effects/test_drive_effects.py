@@ -156,13 +156,8 @@ def test_a_ceiling_at_the_largest_command_is_none(paper_module, form, limit_rpm,
 def test_a_ramp_behind_a_delay_is_found_although_the_law_alone_imitates_both(paper_module):
     true = paper_module.with_effect("command_latency", delay_s=0.12)
     true = true.with_effect("acceleration_limit", limit_rpm_s=350.0)
-    told: list[str] = []
-    fit = fit_dataset(logs(true), FitOptions(starts=2), told.append)
+    fit = fit_dataset(logs(true), FitOptions(starts=2))
     model = fitted_model(fit)
-    # The simple drive has such a ramp, so that nothing is left for one under PI control.
-    assert [line for line in told if "from anywhere" in line] == [
-        "drive effects: a simple drive, from anywhere"
-    ]
     assert model.effects["command_latency"]["delay_s"] == pytest.approx(0.12, abs=0.02)
     assert model.effects["acceleration_limit"]["limit_rpm_s"] == pytest.approx(350.0, rel=0.05)
     assert fit.drive_effects.after_rpm < 0.2 * fit.drive_effects.before_rpm

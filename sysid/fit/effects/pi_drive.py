@@ -95,10 +95,7 @@ def pi_drive(
     shares = np.asarray(qmc.Sobol(len(ranges), rng=np.random.default_rng(0)).random(_TRIED), float)
     places = (first - low + shares * (last - first)) / (high - low)
     costs = [float(np.sum(left(place) ** 2)) for place in places]
-    coarse = [
-        descend_from_afar(left, places[i], 1e-2, _STEPS, thorough=False)
-        for i in np.argsort(costs)[:_DESCENDED]
-    ]
+    coarse = [descend_from_afar(left, places[i], 1e-2, _STEPS) for i in np.argsort(costs)[:_DESCENDED]]
     coarse.sort(key=lambda one: one[0])
     fine = [descend_from_afar(left, place, 1e-3, _LAST_STEPS) for _, place in coarse[:_BEST]]
     return model_at(min(fine, key=lambda one: one[0])[1])

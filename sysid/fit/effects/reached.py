@@ -116,13 +116,15 @@ class HeldOut:
         """The rms error of the wheel speed [rpm] that the noise of its sensor alone makes.
 
         It is of means of repeats, as in `errors`. It is what repeats differ by while a command is held, or
-        neighbouring samples, whichever is less: what differs after a change may be how late that acts.
+        neighbouring samples, whichever is less: what differs after a change may be how late that acts. Where
+        nothing but motion tells it, it counts as 0.
         """
         noise, blocks = self.whitener.noise, self.whitener.observations.blocks
-        parts = [
-            min(noise.settled(block.channel), noise.scatter.get(block.channel, math.inf))
-            / np.sqrt(block.weight)
-            for block in blocks
-            if block.channel.startswith("speed_")
-        ]
-        return rms(np.concatenate(parts))
+
+        def of(channel: str) -> float:
+            if noise.source[channel] == "motion":
+                return 0.0
+            return min(noise.settled(channel), noise.scatter.get(channel, math.inf))
+
+        wheels = [block for block in blocks if block.channel.startswith("speed_")]
+        return rms(np.concatenate([of(block.channel) / np.sqrt(block.weight) for block in wheels]))

@@ -163,6 +163,17 @@ def test_the_noise_of_the_sensor_is_no_more_where_a_link_is_late(spread_s: float
     assert HeldOut.of(logs(spread_s)).noise_rpm == pytest.approx(0.3, rel=0.1)
 
 
+def test_motion_is_no_noise_of_the_sensor() -> None:
+    """Without a held command neighbouring samples only bound the noise, by far more than it is."""
+    time, rng = np.arange(0.0, 4.0, 0.02), np.random.default_rng(0)
+    speed = 60.0 * np.sin(9.0 * time)
+    runs = [
+        Run(f"r{i}", f"g{i}", "fit", time, BenchCommand(speed.round()), {"speed_rpm": speed + 0.1 * noise})
+        for i, noise in enumerate(rng.standard_normal((3, time.size)))
+    ]
+    assert HeldOut.of(Dataset("swings", tuple(runs), ())).noise_rpm == 0.0
+
+
 def test_the_law_of_a_turn_is_that_which_predicts_the_other_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     def law() -> WheelLaw:
         data = logs(0.0)

@@ -6,8 +6,7 @@ was given, at any time since the row before (`sysid.compare.links.between_rows`)
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -16,7 +15,6 @@ from mecanum_env.model import Model
 from mecanum_env.statistics import rms
 from sysid.compare.links import AlignedLogs, LinkClock, delays_between_rows, link_delays, with_stamps
 from sysid.fit.drive.behind_path import fit_behind
-from sysid.fit.drive.choice import choose_drive
 from sysid.fit.drive.command_clock import SHORTEST
 from sysid.fit.drive.command_path import (
     LAW_RATE_HZ,
@@ -24,13 +22,9 @@ from sysid.fit.drive.command_path import (
     CommandPath,
     infer_command_path,
 )
-from sysid.fit.drive.fitter import fitter_of
 from sysid.fit.drive.law_fit import LawFit, wheel_model
-from sysid.fit.drive.wheel_data import pooled, runs_by_split
-from sysid.fit.estimators import Estimate
 from sysid.fit.options import FitOptions
 from sysid.fit.statistics import residual
-from sysid.logs import Dataset
 from sysid.progress import Progress, silent, within
 
 STAGE: Final = "times of the commands"
@@ -41,8 +35,6 @@ _BETTER: Final = 0.05
 """Relative decrease of the error from one turn to the next below which there is no other. Assumed."""
 _WORTH: Final = 0.2
 """Least relative decrease of the error by the delays for which they are adopted. Assumed."""
-_STARTS: Final = 3
-"""Starts of the law in each turn."""
 _PARTS: Final = 2.5
 """Ticks per sample where there would be more than `UNSEEN_TICKS`: changes that act between samples show a
 faster response than samples are apart."""
@@ -78,34 +70,6 @@ def with_times_by(model: Model, timed: LawFit, plain: LawFit, progress: Progress
     return _behind(logs, plain.path, plain.options, within(progress, STAGE))
 
 
-@dataclass(frozen=True, eq=False)
-class _Turn:
-    """The law of a turn, which only has to tell the times of the next one."""
-
-    path: CommandPath
-    estimate: Estimate
-    error_rpm: float
-    """Rms error on the runs that were not fitted, or on all if there are none."""
-
-    @classmethod
-    def of(
-        cls, path: CommandPath, dataset: Dataset, options: FitOptions, sigma_rpm: Mapping[str, float]
-    ) -> _Turn:
-        """Return the law of a `dataset`: of first order where that predicts the other runs better.
-
-        While the times are off, one of higher order may alternate from tick to tick, unseen between samples
-        that are more than a tick apart, to make up for them. `sigma_rpm` is the noise of each column.
-        """
-        runs, fitter = runs_by_split(dataset, path, sigma_rpm), fitter_of(options, path, dataset)
-        fitted = pooled(runs["fit"])
-        others = pooled(runs["validation"]) + pooled(runs["test"]) or fitted
-        plain = fitter.run(fitted, starts=min(_STARTS, options.starts))
-        drive = choose_drive(runs, fitter, plain, delay=options.delay_s is None)
-        laws = drive, fitter.first_order(fitted, drive)
-        errors = [rms(np.concatenate([residual(run, law) for run in others])) for law in laws]
-        return cls(path, laws[int(np.argmin(errors))], min(errors))
-
-
 def _in_turns(plain: LawFit, progress: Progress, *, between_rows: bool) -> LawFit:
     """Return the fit with the times of the best turn, the plain one unless that is clearly better.
 
@@ -126,9 +90,10 @@ def _link_in_turns(
     plain: LawFit, progress: Progress, *, between_rows: bool, unit_gain: bool
 ) -> AlignedLogs | None:
     """Return the aligned logs of the best turn; None if no turn is clearly better than one delay for all."""
-    tell = within(progress, STAGE)
-    options = replace(plain.options, unit_gain=unit_gain)
-    alone = _Turn.of(plain.path, plain.dataset, options, plain.sigma_rpm)
+    path, tell = plain.path, within(progress, STAGE)
+    one_method = replace(plain.options, methods=plain.options.methods[:1], unit_gain=unit_gain)
+    quick = replace(one_method, starts=min(3, plain.options.starts))
+    alone = fit_behind(replace(path, exact=True), plain.dataset, quick, silent)
     best, found, link = alone, alone, None
     for turn in range(_TURNS):
         logs = _aligned(plain, found, between_rows=between_rows)
@@ -138,19 +103,20 @@ def _link_in_turns(
         if turn == 0:
             progress(STAGE)
         tell(f"turn {turn + 1}")
-        found = _Turn.of(_fine(plain.path, logs), logs.dataset, options, plain.sigma_rpm)
-        if found.error_rpm < (1.0 - _BETTER) * best.error_rpm:
+        found = _behind(logs, path, quick, silent)
+        if _error(found) < (1.0 - _BETTER) * _error(best):
             best, link = found, logs
         elif turn > 0:
             break
-    if link is None or not link.delays.differ or best.error_rpm >= (1.0 - _WORTH) * alone.error_rpm:
+    if link is None or not link.delays.differ or _error(best) >= (1.0 - _WORTH) * _error(alone):
         return None
     return link
 
 
 def _behind(logs: AlignedLogs, path: CommandPath, options: FitOptions, progress: Progress) -> LawFit:
     """Return the law fitted to aligned logs, whose changes are known to act on a clock of their own."""
-    fine = _fine(path, logs)
+    fine = replace(path, sample_period_s=logs.clock.tick_s, command_period_s=logs.period_s)
+    fine = replace(fine, latched=True, exact=True, notes=())
     found = fit_behind(fine, logs.dataset, options, progress)
     notes = path.notes
     if logs.between_rows:
@@ -165,13 +131,7 @@ def _behind(logs: AlignedLogs, path: CommandPath, options: FitOptions, progress:
     return replace(found, link=logs, notes=(*notes, logs.note, *found.notes))
 
 
-def _fine(path: CommandPath, logs: AlignedLogs) -> CommandPath:
-    """Return the `path` of aligned logs, whose changes are known to act on a clock of their own."""
-    fine = replace(path, sample_period_s=logs.clock.tick_s, command_period_s=logs.period_s)
-    return replace(fine, latched=True, exact=True, notes=())
-
-
-def _aligned(plain: LawFit, found: _Turn, *, between_rows: bool) -> AlignedLogs:
+def _aligned(plain: LawFit, found: LawFit, *, between_rows: bool) -> AlignedLogs:
     """Return the logs of the plain fit aligned by the law as found."""
     path = plain.path
     runs, tick, interval = plain.dataset.runs, path.sample_period_s, _interval_s(plain)
@@ -192,3 +152,9 @@ def _aligned(plain: LawFit, found: _Turn, *, between_rows: bool) -> AlignedLogs:
 def _interval_s(fit: LawFit) -> float:
     """Return the time between rows [s]."""
     return float(np.median([run.median_interval_s for run in fit.dataset.runs]))
+
+
+def _error(fit: LawFit) -> float:
+    """Return the rms error [rpm] on the runs that were not fitted, or on all if there are none."""
+    data = fit.pooled("validation") + fit.pooled("test") or fit.pooled("fit")
+    return rms(np.concatenate([residual(run, fit.estimate) for run in data]))

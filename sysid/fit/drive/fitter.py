@@ -9,7 +9,7 @@ from typing import Final
 
 from sysid.fit.drive.command_path import CommandPath
 from sysid.fit.drive.wheel_data import driven, longest_delay_s, wheel_columns
-from sysid.fit.estimators import Estimate, Options, WheelRun, estimate, first_order
+from sysid.fit.estimators import Estimate, Options, WheelRun, estimate
 from sysid.fit.options import FitOptions
 from sysid.logs import Dataset
 
@@ -61,12 +61,6 @@ class LawFitter:
         return replace(
             found, delay_s=held_delay + found.delay_s, saturation_rpm=min(held_limit, found.saturation_rpm)
         )
-
-    def first_order(self, data: Sequence[WheelRun], like: Estimate) -> Estimate:
-        """Estimate a first-order law with the delay and the ceiling of a law `like` it."""
-        prepared = [driven(run, like.delay_s, like.saturation_rpm) for run in data]
-        found = first_order(prepared, unit_gain=self.unit_gain)
-        return replace(found, delay_s=like.delay_s, saturation_rpm=like.saturation_rpm)
 
 
 def fitter_of(options: FitOptions, path: CommandPath, dataset: Dataset) -> LawFitter:

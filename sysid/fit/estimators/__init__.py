@@ -18,7 +18,6 @@ from sysid.fit.estimators.interface import (
     WheelRun,
 )
 from sysid.fit.estimators.linear import one_step
-from sysid.fit.estimators.order import first_order
 from sysid.fit.estimators.output_error import output_error
 
 METHODS: Final[Mapping[str, Method]] = {
@@ -46,7 +45,6 @@ __all__ = [
     "WheelRun",
     "estimate",
     "exhaustive",
-    "first_order",
     "random_starts",
 ]
 

@@ -9,20 +9,15 @@ realistic.
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from scipy.optimize import least_squares
 
-from mecanum_env.law.coefficients import WheelLaw
 from mecanum_env.law.stability import free_coordinates, stable_abc
 from mecanum_env.units import FloatArray
-from sysid.fit.estimators.interface import Estimate, WheelRun
-from sysid.fit.estimators.problem import LawProblem, Traces, stack
-from sysid.fit.estimators.projection import gain_start
+from sysid.fit.estimators.problem import LawProblem, Traces
 
 FREE_BY_ORDER: Final = {1: ("A", "D", "E"), 2: ("A", "B", "D", "E"), 3: ("A", "B", "C", "D", "E", "F")}
 """Coefficients that a law of each order has; the others are 0. With unit gain, E follows from the rest."""
@@ -66,29 +61,6 @@ def lower_order(
         )
         found.append(FittedOrder(order, law(reached.x), float(reached.cost) + problem.within_cost))
     return min(found, key=lambda one: one.cost)
-
-
-def first_order(runs: Sequence[WheelRun], *, unit_gain: bool) -> Estimate:
-    """Estimate a first-order law by output error, for commands that act when the runs say.
-
-    The DC gain is 1 with `unit_gain`, otherwise it is free.
-
-    Raises:
-        InputError: no usable data (see `problem.require_excitation`).
-    """
-    began, problem = time.perf_counter(), stack(runs)
-    traces = problem.traces(0.0, np.inf)
-    gain = 1.0 if unit_gain else gain_start(problem, traces.command_rpm)
-    found = lower_order(problem, traces, 1, unit_gain=unit_gain, gain=gain)
-    return Estimate(
-        method="output-error",
-        law=WheelLaw.from_coefficients(found.coefficients, problem.sample_period_s),
-        rms_rpm=problem.rms(problem.predict(found.coefficients, traces)),
-        cost=found.cost,
-        free=FREE_BY_ORDER[1],
-        starts=(),
-        seconds=time.perf_counter() - began,
-    )
 
 
 def simplest_law(problem: LawProblem, traces: Traces, third: FittedOrder, *, unit_gain: bool) -> FittedOrder:

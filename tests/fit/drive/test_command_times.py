@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mecanum_env.law import WheelLaw
 from mecanum_env.model import Model, paper_model
 from mecanum_env.simulator.bench import bench_motion
 from sysid.compare.links import AlignedLogs
@@ -16,10 +15,7 @@ from sysid.compare.links.in_model import late_between_rows
 from sysid.compare.predicted import predict
 from sysid.fit import Fit, FitOptions, fit_dataset, fitted_model, pipeline
 from sysid.fit.drive import command_times
-from sysid.fit.drive.command_path import infer_command_path
-from sysid.fit.drive.fitter import LawFitter
 from sysid.fit.effects import HeldOut
-from sysid.fit.estimators import Estimate
 from sysid.logs import BenchCommand, Dataset, Run
 
 MEAN_S, SPREAD_S = 0.1, 0.04
@@ -172,26 +168,6 @@ def test_motion_is_no_noise_of_the_sensor() -> None:
         for i, noise in enumerate(rng.standard_normal((3, time.size)))
     ]
     assert HeldOut.of(Dataset("swings", tuple(runs), ())).noise_rpm == 0.0
-
-
-def test_the_law_of_a_turn_is_that_which_predicts_the_other_runs(monkeypatch: pytest.MonkeyPatch) -> None:
-    def law() -> WheelLaw:
-        data = logs(0.0)
-        turn = command_times._Turn.of(infer_command_path(data), data, QUICK, {"speed_rpm": 0.3})
-        assert turn.error_rpm < 2.0
-        return turn.estimate.law
-
-    def halved(found: Estimate) -> Estimate:
-        law = found.law
-        return replace(found, law=replace(law, D=0.5 * law.D, E=0.5 * law.E, F=0.5 * law.F))
-
-    assert law().B != 0.0
-    simple, chosen = LawFitter.first_order, command_times.choose_drive
-    with monkeypatch.context() as patched:
-        patched.setattr(LawFitter, "first_order", lambda *given: halved(simple(*given)))
-        assert law().B != 0.0
-    monkeypatch.setattr(command_times, "choose_drive", lambda *a, **k: halved(chosen(*a, **k)))
-    assert law().B == 0.0
 
 
 def test_times_between_rows_are_one_stage_of_the_fit() -> None:

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from mecanum_env.errors import InputError
 from mecanum_env.law import LawState, WheelLaw
-from sysid.fit.estimators import METHODS, Options, estimate, first_order
+from sysid.fit.estimators import METHODS, Options, estimate
 from sysid.studies.synthetic import step_runs
 
 FEW = Options(starts=3)
@@ -168,18 +168,3 @@ def test_every_method_keeps_the_interface(noisy_runs):
 def test_bad_options_are_refused(values, message):
     with pytest.raises(InputError, match=message):
         Options(**values)
-
-
-@pytest.mark.parametrize(("gain", "unit_gain"), [(1.0, True), (1.0, False), (0.8, False)])
-def test_a_first_order_law_is_found_as_such(gain, unit_gain):
-    law = WheelLaw(A=0.9, B=0.0, C=0.0, D=0.07, E=0.03, F=0.0, sample_period_s=1 / 120)
-    runs = step_runs(law, np.random.default_rng(0), noise_rpm=0.0, quantum_rpm=0.0, repeats=1)
-    found = first_order(through_drive(runs, law, 0, gain=gain, noise=0.0), unit_gain=unit_gain)
-    assert np.allclose(found.coefficients, [0.9, 0.0, 0.0, 0.07 * gain, 0.03 * gain, 0.0], atol=1e-5)
-    assert found.rms_rpm < 1e-3
-
-
-def test_a_first_order_law_is_of_first_order_whatever_the_data(noisy_runs):
-    found = first_order(noisy_runs, unit_gain=True)
-    assert found.coefficients[[1, 2, 5]].tolist() == [0.0, 0.0, 0.0]
-    assert found.law.dc_gain == pytest.approx(1.0, abs=1e-12)

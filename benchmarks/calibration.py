@@ -1,8 +1,9 @@
-"""What the thresholds of a verdict rest on: values of drawn cases on both sides of two, as a Markdown page.
+"""What the thresholds of a verdict rest on: values of drawn cases on both sides of three, as a Markdown page.
 
 Drives and robots of the zoo are drawn, quiet ones and some with a hidden effect, and fitted as the zoo fits
-them. Their studies go as far as the values that are compared with `plainly_visible` and `least_elsewhere`
-of `sysid/gap/search/thresholds.py`. Of all other thresholds the page repeats what that file says.
+them. Their studies go as far as the values that are compared with `plainly_visible`, `least_on_bench` and
+`least_elsewhere` of `sysid/gap/search/thresholds.py`. Of all other thresholds the page repeats what that file
+says.
 
 Example: python benchmarks/calibration.py --markdown docs/results/calibration.md
 """
@@ -12,12 +13,13 @@ from __future__ import annotations
 import ast
 import sys
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
+import numpy as np
 from recordings import print_page, written
 
 from mecanum_env.cli import run
@@ -34,10 +36,11 @@ from sysid.gap.result import GapOptions
 from sysid.gap.search import thresholds
 from sysid.gap.search.beyond_fit import promised_gains, without_first_order
 from sysid.gap.search.chance import expected
+from sysid.gap.search.decision import explore
 from sysid.gap.search.known_effects import known_effects
 from sysid.gap.search.plain_squares import plain_ratio
 from sysid.gap.search.sets import Search
-from sysid.gap.search.study_data import study_data
+from sysid.gap.search.study_data import StudyData, study_data
 from sysid.gap.search.thresholds import THRESHOLDS
 from sysid.logs import read_dataset
 from sysid.logs.runs import Level
@@ -52,8 +55,10 @@ from sysid.studies.zoo.seeds import DEVELOPMENT
 from sysid.studies.zoo.sources import fingerprint
 from sysid.studies.zoo.work import WRITERS, logs_of_fit
 
-COMPARED: Final = ("plainly_visible", "least_elsewhere")
-"""The two thresholds that the page measures."""
+COMPARED: Final = ("plainly_visible", "least_on_bench", "least_elsewhere")
+"""The thresholds that the page measures."""
+OPTIONS: Final = GapOptions(next_experiment=False)
+"""Of each study, which gets the logs of the fit besides."""
 LIMITS: Final = (
     *("body_speed_limit", "body_acceleration_limit", "acceleration_limit"),
     *("command_deadband", "backlash", "stiction"),
@@ -79,7 +84,7 @@ class Limit:
 
 @dataclass(frozen=True)
 class Measured:
-    """What a study compares with the two thresholds."""
+    """What a study compares with the thresholds."""
 
     seed: int
     hidden: str
@@ -92,6 +97,15 @@ class Measured:
     """The same of the plain squares, which decide on the bench alone."""
     limits: tuple[Limit, ...] = ()
     """Of a robot."""
+    best: str = ""
+    """The best set of effects of a drive; empty if chance would explain as much."""
+    fall: float = 0.0
+    """By how much it lowers the cost, as a share of a right model's."""
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether the squares, weighted or plain, are plainly visible."""
+        return max(self.weighted, self.plain) > THRESHOLDS.plainly_visible
 
     @property
     def deciding(self) -> Limit:
@@ -107,8 +121,8 @@ class Measured:
 
 
 def main(
-    drives: int = 13,
-    hidden_drives: int = 6,
+    drives: int = 40,
+    hidden_drives: int = 20,
     robots: int = 4,
     hidden_robots: int = 4,
     out: Path = Path("out/calibration"),
@@ -183,9 +197,10 @@ def from_json(entry: Mapping[str, Any]) -> Measured:
 def _measured(level: Level, seed: int, folder: Path) -> Measured:
     """Write the logs of a case to an empty `folder`, fit its model and begin its study."""
     case = WRITERS[level](seed, folder)
-    search = _begun(folder)
+    data, search = _begun(folder)
     problem, base = search.problem, search.base
     limits: list[Limit] = []
+    best, fall, right = "", 0.0, expected(problem, base)
     if level == "robot":
         library = [*search.considered.searched, *search.considered.left_out]
         gains, least = promised_gains(problem, library), search.considered.least
@@ -193,18 +208,26 @@ def _measured(level: Level, seed: int, folder: Path) -> Measured:
             Limit(name, gains.get(name, 0.0) / problem.size, least[name] / problem.size)
             for name in sorted(without_first_order(library))
         ]
+    else:
+        with without_engine_warnings(), one_thread():
+            facts = explore(search, data.floor, OPTIONS.max_effects, np.random.default_rng(OPTIONS.seed))
+        if facts.chosen is not None:
+            best = " + ".join(facts.chosen.names)
+            fall = (base.cost - facts.chosen.fitted.cost) / right
     return Measured(
         seed,
         "+".join(effect.name for effect in case.hidden),
         case.signal,
-        base.cost / expected(problem, base),
+        base.cost / right,
         plain_ratio(problem, base),
         tuple(limits),
+        best,
+        fall,
     )
 
 
-def _begun(folder: Path) -> Search:
-    """Return the search of a case's study before any set of effects is fitted, as `analyse` begins it."""
+def _begun(folder: Path) -> tuple[StudyData, Search]:
+    """Return what a case's study decides on, and its search before any set of effects is fitted."""
     model = nominal_model(folder)
     logs, fitted_on = (
         weighted_down(each)[0] for each in (read_dataset(folder / "logs"), logs_of_fit(folder))
@@ -212,11 +235,12 @@ def _begun(folder: Path) -> Search:
     late = AlignedLogs.stated(logs, model)
     if late is not None:
         logs, model, fitted_on = late.dataset, late.model, late.beside(fitted_on)
-    options = GapOptions(fitted_on=fitted_on, next_experiment=False)
+    options = replace(OPTIONS, fitted_on=fitted_on)
     considered = known_effects(logs.level, options.plant, logs.columns)
     settings = SimulationSettings(options.plant, options.jobs, seed=options.seed)
     with without_engine_warnings(), one_thread():
-        return start_search(study_data(logs, model, options), model, settings, considered, silent)
+        data = study_data(logs, model, options)
+        return data, start_search(data, model, settings, considered, silent)
 
 
 def page(drives: Sequence[Measured], robots: Sequence[Measured]) -> Iterator[str]:
@@ -226,10 +250,10 @@ def page(drives: Sequence[Measured], robots: Sequence[Measured]) -> Iterator[str
         f"{written()} Drives and robots of [the zoo](zoo.md), of development seeds: the first ones in which "
         "nothing changed, and the first ones that hide an effect of a clear size or more, in robots a limit "
         "or a threshold. A model is fitted to the logs before. A study of the logs after, beside those of "
-        "the fit, goes as far as the values that are compared with two thresholds. The signal is the rms of "
-        "what the hidden effect does to the logs over the noise of repeats."
+        "the fit, goes as far as the values that are compared with three thresholds. The signal is the rms "
+        "of what the hidden effect does to the logs over the noise of repeats."
     )
-    yield "## Both sides of two thresholds"
+    yield "## Both sides of three thresholds"
     yield markdown_table(
         (
             "threshold",
@@ -285,11 +309,13 @@ def summary(drives: Sequence[Measured], robots: Sequence[Measured]) -> list[tupl
 
     Beside each is how many values are above the threshold.
     """
-    visible, elsewhere = COMPARED
+    visible, on_bench, elsewhere = COMPARED
+    hardly = [one for one in drives if not one.is_plain]
     compared: list[tuple[str, str, Sequence[Measured], Callable[[Measured], float]]] = [
         (visible, "drives, plain squares", drives, lambda one: one.plain),
         (visible, "drives, weighted squares", drives, lambda one: one.weighted),
         (visible, "robots, weighted squares", robots, lambda one: one.weighted),
+        (on_bench, "drives, best set where nothing is plainly visible", hardly, lambda one: one.fall),
         (elsewhere, "robots, limits and thresholds", robots, lambda one: one.deciding.explains),
     ]
     rows = []

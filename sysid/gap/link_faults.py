@@ -218,6 +218,8 @@ def _merged(found: _Found, options: GapOptions, report: GapReport, rest: GapRepo
     if fault.kind == "jitter":
         parameters = {"delay_s": Interval(*fault.delay_s)} | parameters
     since: Since = "unknown" if options.fitted_on is None or fault.surplus < _SURPLUS else "new"
+    if options.fitted_on is not None and since != "new" and not rest.effects:
+        return _without_name(found, report, rest)
     effect = FoundEffect(name, parameters, fault.frequency, since=since)
     cause = cause_of(name)
     sets = rest.candidates or ((),)
@@ -235,6 +237,26 @@ def _merged(found: _Found, options: GapOptions, report: GapReport, rest: GapRepo
         model=_model(found, rest.model, effect),
         base=found.logs.given,
         notes=(note, *rest.notes),
+        provenance=report.provenance,
+    )
+
+
+def _without_name(found: _Found, report: GapReport, rest: GapReport) -> GapReport:
+    """Return the report of the logs as they are, beside a fault that the logs of the fit may have, too.
+
+    It is told and not named: a study beside these logs asks what they do not show. `rest`, of which the fault
+    leaves no effect, says whether there is a gap.
+    """
+    beside = report.gap_beside_fit
+    return replace(
+        rest,
+        gap=replace(report.gap, after=report.gap.before),
+        gap_beside_fit=None if beside is None else replace(beside, after=beside.before),
+        channels={key: replace(one, after=one.before) for key, one in report.channels.items()},
+        where=tuple(replace(place, rms_after=place.rms) for place in report.where),
+        model=found.logs.given,
+        base=found.logs.given,
+        notes=(_note(found.fault), *rest.notes),
         provenance=report.provenance,
     )
 

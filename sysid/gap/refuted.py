@@ -7,7 +7,8 @@ happened. So the last word is theirs, and it can only be no.
 
 from __future__ import annotations
 
-from sysid.gap.result import GapReport
+from sysid.gap.result import GapReport, Verdict
+from sysid.gap.search.rules import Facts, may_be_noise
 from sysid.gap.search.thresholds import THRESHOLDS
 from sysid.gap.wording import amount, set_name
 
@@ -26,3 +27,12 @@ def refuted(report: GapReport) -> str:
         f"{names}: explains the runs that decide, but raises the error on the unseen test runs from "
         f"{amount(gap.before, gap.unit)} to {amount(gap.after, gap.unit)}, and is therefore not named"
     )
+
+
+def verdict_of_refuted(facts: Facts) -> Verdict:
+    """Return the verdict of a study of which the test runs refute the effects.
+
+    There is no gap if nothing but these effects said that there is one: the whole residual, weighted and
+    plain, is then what a right model leaves.
+    """
+    return "no_gap" if may_be_noise(facts) and not facts.is_plain else "unexplained"

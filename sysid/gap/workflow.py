@@ -18,7 +18,7 @@ from sysid.gap.design.next_experiment import design_next_experiment
 from sysid.gap.inquiry import Inquiry, inquire
 from sysid.gap.link_faults import as_given, with_link_fault
 from sysid.gap.only_in_test import only_in_test
-from sysid.gap.refuted import refuted
+from sysid.gap.refuted import refuted, verdict_of_refuted
 from sysid.gap.report.beside_fit import gap_beside_fit
 from sysid.gap.report.held_out import (
     Channels,
@@ -32,7 +32,7 @@ from sysid.gap.report.held_out import (
 from sysid.gap.report.where import regions
 from sysid.gap.result import CustomProposal, GapOptions, GapReport, Untestable
 from sysid.gap.runs_apart import with_runs_apart
-from sysid.gap.search.chance import chance_gains, smallest_detectable, untestable
+from sysid.gap.search.chance import chance_gains, expected, smallest_detectable, untestable
 from sysid.gap.search.checks import require_movement, require_valid
 from sysid.gap.search.custom import propose
 from sysid.gap.search.known_effects import is_meant, known_effects
@@ -112,7 +112,8 @@ def _analyse(
     report = _report(dataset, model, options, found, considered)
     if why := refuted(report):
         notes = (*found.decision.notes, why)
-        decision = replace(found.decision, verdict="unexplained", chosen=None, candidates=(), notes=notes)
+        verdict = verdict_of_refuted(found.decision.facts)
+        decision = replace(found.decision, verdict=verdict, chosen=None, candidates=(), notes=notes)
         found = replace(found, decision=decision)
         report = _report(dataset, model, options, found, considered)
     return report, found.best_model or model
@@ -216,7 +217,8 @@ def _what_is_open(
     rng = np.random.default_rng(options.seed)
     threshold = chance_gains(search.problem, search.base, search.library, rng, floor.false_alarm).threshold()
     library = (*search.library, *search.considered.left_out)
-    detectable = smallest_detectable(library, floor.slack * threshold, search.considered.least)
+    needed = max(floor.slack * threshold, floor.least_share * expected(search.problem, search.base))
+    detectable = smallest_detectable(library, needed, search.considered.least)
     unseen = untestable(considered, library, detectable, dataset.level, dataset.columns)
     asked = Design(None, "")
     if options.next_experiment:

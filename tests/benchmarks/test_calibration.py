@@ -67,6 +67,15 @@ def test_the_summary_shows_both_sides_of_a_threshold(calibration: ModuleType) ->
     assert rows["robots, limits and thresholds"][3:] == wanted
 
 
+def test_the_best_set_counts_only_where_nothing_is_plainly_visible(calibration: ModuleType) -> None:
+    least = THRESHOLDS.least_on_bench
+    quiet = replace(_robot(calibration, ""), best="backlash", fall=0.5 * least)
+    plain = replace(quiet, fall=2.0 * least, plain=2.0 * THRESHOLDS.plainly_visible)
+    hidden = replace(_robot(calibration, "backlash"), best="backlash", fall=2.0 * least)
+    rows = {row[0]: row for row in calibration.summary([quiet, plain, hidden], [])}
+    assert rows["`least_on_bench`"][3:] == (f"{0.5 * least:.3g}", "0 of 1", f"{2.0 * least:.3g}", "1 of 1")
+
+
 def test_without_cases_a_side_stays_empty(calibration: ModuleType) -> None:
     assert {row[3:] for row in calibration.summary([], [])} == {("-", "0 of 0", "-", "0 of 0")}
 
@@ -111,4 +120,4 @@ def test_the_page_quotes_no_comment_on_what_it_measures(calibration: ModuleType)
     cases = [_robot(calibration, "", ("backlash", 0.5 * LEAST, LEAST))]
     last = list(calibration.page(cases, cases))[-1]
     names = {line.split("`")[1] for line in last.splitlines()[2:]}
-    assert names == {field.name for field in fields(Thresholds)} - {"plainly_visible", "least_elsewhere"}
+    assert names == {field.name for field in fields(Thresholds)} - set(calibration.COMPARED)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,7 +14,7 @@ from sysid.compare.least_squares import ResidualProblem, fit
 from sysid.compare.measured import observe
 from sysid.compare.model_error import Whitener
 from sysid.compare.noise import measure_noise
-from sysid.compare.search_space import effect_set
+from sysid.compare.search_space import Coordinate, EffectSet, effect_set
 from sysid.gap.search import ties
 from sysid.gap.search.chance import Floor
 from sysid.gap.search.scores import ScoredSet, doubtful, interval_ends
@@ -206,3 +207,17 @@ def test_an_effect_whose_parameters_are_vague_is_doubted_only_if_it_may_be_none(
     low, high = interval_ends(problem, fitted, 1.0)
     assert np.any(high - low > 0.5)
     assert doubtful(problem, fitted, 1.0) == found
+
+
+def test_a_limit_near_the_end_of_its_range_is_not_doubted(bench_logs: MakeLogs, base: Model) -> None:
+    """Its neutral value is infinite, and the place of that value is the end of the range."""
+    name, most = "acceleration_limit/s_curve", 2500.0
+    logs = bench_logs(base.with_effect(name, jerk_rpm_s2=0.99 * most), seed=4)
+    observations = observe(logs)
+    problem = ResidualProblem(base, Whitener(observations, measure_noise(logs, observations), None))
+    candidate = EffectSet((name,), (Coordinate(name, "jerk_rpm_s2", 30.0, most, math.inf),))
+    fitted = fit(problem, candidate, np.array([0.995]), most=30)
+    assert fitted is not None
+    assert float(fitted.place[0]) > 0.99
+    assert fitted.cost < 0.1 * float(np.sum(problem.base_residual**2))
+    assert doubtful(problem, fitted, 1.0) == ()

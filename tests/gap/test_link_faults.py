@@ -67,15 +67,23 @@ def test_lost_commands_are_named_with_their_share(seed: int) -> None:
     assert found.parameters["share"].low < SHARE < found.parameters["share"].high
 
 
-@pytest.mark.parametrize(("seed", "share", "since"), [(25, 0.06, "unknown"), (1, 0.25, "new")])
-def test_lost_commands_are_new_only_if_the_logs_of_the_fit_would_have_shown_them(
-    seed: int, share: float, since: str
-) -> None:
-    # With the first seed two of the forty commands are lost.
-    lossy, steady = logs("loss", seed, commands=3, share=share), logs("steady", 9, commands=4)
+def test_lost_commands_are_no_gap_where_the_logs_of_the_fit_may_have_as_many() -> None:
+    """Two of forty are lost for sure, but none of forty before says little."""
+    lossy, steady = logs("loss", 25, commands=3, share=0.06), logs("steady", 9, commands=4)
     report = analyse(lossy, paper_model(), replace(QUIET, fitted_on=steady))
-    assert [(found.name, found.since) for found in report.effects] == [("command_loss", since)]
-    assert any("may have lost as many" in note for note in report.notes) is (since == "unknown")
+    assert (report.verdict, report.effects, report.candidates) == ("no_gap", (), ())
+    assert report.gap.after == report.gap.before
+    assert dict(report.model.effects) == {}
+    assert any("may have lost as many" in note for note in report.notes)
+    alone = analyse(lossy, paper_model(), QUIET)
+    assert [(found.name, found.since) for found in alone.effects] == [("command_loss", "unknown")]
+
+
+def test_more_lost_commands_than_the_logs_of_the_fit_allow_are_new() -> None:
+    lossy, steady = logs("loss", 1, commands=3), logs("steady", 9, commands=4)
+    report = analyse(lossy, paper_model(), replace(QUIET, fitted_on=steady))
+    assert [(found.name, found.since) for found in report.effects] == [("command_loss", "new")]
+    assert not any("may have lost as many" in note for note in report.notes)
 
 
 def test_a_steady_link_is_not_named() -> None:

@@ -9,8 +9,10 @@ from typing import Any
 import pytest
 
 from mecanum_env.model import Model
-from sysid.gap.refuted import refuted
-from sysid.gap.result import Difference, GapReport
+from sysid.gap.refuted import refuted, verdict_of_refuted
+from sysid.gap.result import Difference, GapReport, Verdict
+from sysid.gap.search.chance import Floor
+from sysid.gap.search.rules import Facts
 from sysid.gap.workflow import analyse
 from sysid.logs import Dataset
 from tests.gap.conftest import MakeLogs
@@ -62,3 +64,20 @@ def test_what_refutes_nothing(found: GapReport, changes: Callable[[Difference], 
     worse = replace(found, gap=replace(found.gap, after=2.0 * found.gap.before))
     assert refuted(worse) != ""
     assert refuted(replace(worse, **changes(worse.gap))) == ""
+
+
+@pytest.mark.parametrize(
+    ("p_misfit", "is_plain", "trusted", "verdict"),
+    [
+        (0.5, False, True, "no_gap"),
+        (0.001, False, True, "unexplained"),
+        (0.5, True, True, "unexplained"),
+        (1.0, False, False, "unexplained"),
+    ],
+    ids=["noise", "more than noise", "plainly more", "nobody knows what a right model leaves"],
+)
+def test_without_the_refuted_effects_a_gap_is_left_only_if_the_whole_residual_shows_one(
+    p_misfit: float, is_plain: bool, trusted: bool, verdict: Verdict
+) -> None:
+    facts = Facts(Floor(1e4, trusted=trusted), 1.0, 0.001, p_misfit, is_plain, 1.0)
+    assert verdict_of_refuted(facts) == verdict

@@ -62,6 +62,11 @@ class Coordinate:
         """Whether equal steps of the place are equal ratios of the value."""
         return self.low > 0.0 and self.high > _LOGARITHMIC * self.low
 
+    @property
+    def reaches_neutral(self) -> bool:
+        """Whether the neutral value is in the range, so that the effect vanishes where the place nears it."""
+        return self.low <= self.neutral <= self.high
+
     @cached_property
     def neutral_place(self) -> float:
         """Place of the neutral value; 1 if it is infinite."""

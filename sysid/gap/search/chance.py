@@ -64,6 +64,12 @@ class Floor:
     """Whether the noise holds what lasts for a hold, which was measured beside the best set in these very
     logs: it then holds whatever no set explains, too."""
 
+    @property
+    def least_share(self) -> float:
+        """Share of a right model's cost by which a set must lower one that is not plainly visible."""
+        elsewhere = self.compared and not (self.knows_all or self.familiar)
+        return THRESHOLDS.least_on_bench if elsewhere else 0.0
+
     def largest_ratio(self, size: int) -> float:
         """Return the cost over `size` values that a right model exceeds in a false alarm."""
         known = min(self.freedom, _KNOWN)

@@ -23,7 +23,7 @@ from mecanum_env.model import cause_of
 from sysid.compare.least_squares import Fitted, ResidualProblem, fit
 from sysid.compare.search_space import EffectSet, RefittedLaw
 from sysid.gap.result import Verdict
-from sysid.gap.search.chance import Floor, chance_gains, complete, enough, misfit, odd_run
+from sysid.gap.search.chance import Floor, chance_gains, complete, enough, expected, misfit, odd_run
 from sysid.gap.search.consequences import without_consequences
 from sysid.gap.search.free_term import free_term
 from sysid.gap.search.further import needed, residue, visible
@@ -140,6 +140,7 @@ def collect(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
         raises_rms=rises(problem, base, chosen.fitted),
         doubtful=doubtful(problem, chosen.fitted, inflation),
         frequency=_frequency(chosen, [j for j in judged if j.names], rng),
+        fall=(base.cost - chosen.fitted.cost) / expected(problem, base),
     )
 
 

@@ -68,6 +68,8 @@ class Facts:
     """Effects of the chosen set of which no parameter is surely away from neutral."""
     frequency: Mapping[str, float] = field(default_factory=dict)
     """Effect of the chosen set -> share of resamples in which it is chosen."""
+    fall: float = math.inf
+    """By how much the chosen set lowers the cost, as a share of a right model's."""
 
     @property
     def significant(self) -> str:
@@ -129,11 +131,11 @@ def _within_own_error(facts: Facts) -> Outcome | None:
             else Outcome("no_gap", (_hardly_lowers(facts),))
         )
     each = THRESHOLDS.least_familiar_gain if floor.familiar else THRESHOLDS.least_gain
-    if gain >= each * _shares(facts.chosen):
-        return None
     if facts.chosen is None:
         return Outcome("no_gap", ("the difference is no larger than the model's own error may be",))
-    return Outcome("no_gap", (_hardly_lowers(facts),))
+    if gain < each * _shares(facts.chosen):
+        return Outcome("no_gap", (_hardly_lowers(facts),))
+    return Outcome("no_gap", (_as_in_new_commands(facts),)) if facts.fall < floor.least_share else None
 
 
 def _shares(chosen: ScoredSet | None) -> int:
@@ -150,6 +152,13 @@ def _hardly_lowers(facts: Facts) -> str:
     )
 
 
+def _as_in_new_commands(facts: Facts) -> str:
+    return (
+        f"{facts.significant} removes only {facts.fall:.0%} of what the model may be off by in commands that "
+        "its fit did not drive: drive the commands of the fit again, in which its own error cancels"
+    )
+
+
 def _inadequate(facts: Facts) -> Outcome | None:
     """Unexplained: no effect could be fitted, or the chosen set leaves more than an imperfect formula can.
 
@@ -159,7 +168,7 @@ def _inadequate(facts: Facts) -> Outcome | None:
     """
     if facts.adequate or _is_nearly_all(facts):
         return None
-    if facts.floor.knows_all and facts.chosen is not None and _may_be_noise(facts):
+    if facts.floor.knows_all and facts.chosen is not None and may_be_noise(facts):
         reason = f"{facts.significant} the command sequences of the fit differ by as much as all that is left"
         return Outcome("no_gap", (reason,))
     return _unexplained(facts)
@@ -219,10 +228,10 @@ def _harmful(facts: Facts) -> Outcome | None:
     if not facts.floor.knows_all:
         return _unexplained(facts, f"{facts.significant} raises the plain difference on the validation runs")
     reason = f"{facts.significant} raises the difference beside the model's own error in a command sequence"
-    return Outcome("no_gap", (reason,)) if _may_be_noise(facts) else _unexplained(facts, reason)
+    return Outcome("no_gap", (reason,)) if may_be_noise(facts) else _unexplained(facts, reason)
 
 
-def _may_be_noise(facts: Facts) -> bool:
+def may_be_noise(facts: Facts) -> bool:
     """Return whether the whole residual is what a right model leaves, and no set lowers it clearly."""
     return facts.floor.trusted and facts.p_misfit > facts.floor.false_alarm and not facts.is_clear
 
@@ -265,7 +274,7 @@ def _free_term_is_better(facts: Facts) -> Outcome | None:
     reason = _more_than_named(facts)
     if not reason or facts.removed >= THRESHOLDS.most_of_it:
         return None
-    return Outcome("no_gap", (reason,)) if _may_be_noise(facts) else _unexplained(facts, reason)
+    return Outcome("no_gap", (reason,)) if may_be_noise(facts) else _unexplained(facts, reason)
 
 
 def _more_than_named(facts: Facts) -> str:
@@ -284,7 +293,7 @@ def _size_in_doubt(facts: Facts) -> Outcome | None:
     if not facts.doubtful:
         return None
     reason = f"{' + '.join(facts.doubtful)}: the runs disagree about the size, which may as well be none"
-    return Outcome("no_gap" if _may_be_noise(facts) else "unexplained", (reason,))
+    return Outcome("no_gap" if may_be_noise(facts) else "unexplained", (reason,))
 
 
 RULES: Final[tuple[Rule, ...]] = (

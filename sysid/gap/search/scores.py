@@ -267,18 +267,21 @@ def doubtful(problem: ResidualProblem, fitted: Fitted[EffectSet], inflation: flo
     return tuple(
         name
         for name in vague
-        if _is_proportional(problem, name, owners.count(name))
+        if _is_proportional(problem, fitted.candidate, name)
         or not _surely_there(problem, fitted, name, inflation)
     )
 
 
-def _is_proportional(problem: ResidualProblem, name: str, count: int) -> bool:
-    """Return whether an effect of so many parameters is there as surely as one of them is not neutral.
+def _is_proportional(problem: ResidualProblem, candidate: EffectSet, name: str) -> bool:
+    """Return whether an effect of a candidate is there as surely as its parameter is not neutral.
 
     A robot's limit on the speed of its body is not: how large it is may be vague where that it acts is not.
-    Nor is a ripple, of which a mean of repeats with unknown phases tells no more than a variance.
+    Nor is a ripple, of which a mean of repeats with unknown phases tells no more than a variance. Nor is a
+    limit that is neutral beyond its range: at the end of that it acts, and at the neutral value it does not.
     """
-    return count < 2 and not problem.knows_all and not CATALOGUE[name].follows_angle
+    own = [one for one in candidate.coordinates if one.effect == name]
+    one_slope = len(own) < 2 and all(one.reaches_neutral for one in own)
+    return one_slope and not problem.knows_all and not CATALOGUE[name].follows_angle
 
 
 def _surely_there(problem: ResidualProblem, fitted: Fitted[EffectSet], name: str, inflation: float) -> bool:

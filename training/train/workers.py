@@ -57,7 +57,9 @@ class WorkersVecEnv(VecEnv):  # type: ignore[misc]
         one = parts[0].make()
         super().__init__(sum(part.rows for part in parts), one.observation_space, one.action_space)
         one.close()
-        context = multiprocessing.get_context("spawn")
+        # One process imports what the others need, and these begin as its copies: torch takes seconds.
+        context = multiprocessing.get_context("forkserver")
+        context.set_forkserver_preload([__name__])
         sizes = one.observation_space.shape[0], one.action_space.shape[0]
         block = context.RawArray("f", self.num_envs * (sum(sizes) + 2))
         self._steps = _Steps.of(block, *sizes)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -52,3 +53,18 @@ def test_no_fit_is_worse_than_a_size_that_was_screened(search: Search) -> None:
         if not response.linear:
             screened = float(np.sum((residual + response.change) ** 2))
             assert search.fitted[(response.effect,)].cost <= screened * (1.0 + 1e-6), response.effect
+
+
+def test_a_single_effect_that_ended_too_early_is_fitted_again_from_a_pair(
+    bench_logs: MakeLogs, base: Model
+) -> None:
+    dataset = bench_logs(base.with_effect("speed_gain", gain=0.9))
+    observations = observe(dataset)
+    problem = ResidualProblem(base, Whitener(observations, measure_noise(dataset, observations), None))
+    search = Search(problem, Library(responses(problem, ("speed_gain", "command_latency"))), EFFORT["bench"])
+    search.grow(1)
+    right = search.fitted[("speed_gain",)]
+    start = right.candidate.start()
+    search._fitted[("speed_gain",)] = replace(right, place=start, residual=search.base.residual)
+    search.grow(2)
+    assert search.fitted[("speed_gain",)].cost == pytest.approx(right.cost, rel=0.01)

@@ -2,7 +2,8 @@
 
 Growing a set by one effect is judged twice: cheaply (`sysid.gap.search.responses`), and, for the most
 promising ones, by full simulation. A larger set contains the smaller one at its neutral value and so never
-fits worse: where a descent ends higher than the set it grew from, it is started again from there.
+fits worse: where a descent ends higher than the set it grew from, it is started again from there. And where
+a smaller set fits better as a part of a larger one, it is fitted again from that place.
 """
 
 from __future__ import annotations
@@ -85,9 +86,32 @@ class Search:
         return sorted(found, key=lambda f: (f.cost, f.names))
 
     def grow(self, size: int) -> None:
-        """Fit the most promising sets of a size, from the best sets that are smaller by one."""
+        """Fit the most promising sets of a size, from the best sets that are smaller by one.
+
+        On the bench these are then fitted again from where they are in the larger ones, if that is better: a
+        descent that ended too early would make any further effect look needed.
+        """
         parents = self.of_size(size - 1)[: self.effort.beam]
         self.fit_best([g for p in parents for g in self.growths(p)], self.effort.of_size(size))
+        if not self.problem.has_surrogate:
+            for larger in self.of_size(size):
+                self._improve_parts(larger)
+
+    def _improve_parts(self, larger: Fitted[EffectSet]) -> None:
+        """Fit each set that a `larger` one grew from again, from its place there, if it fits better there."""
+        for name in larger.names:
+            names = tuple(other for other in larger.names if other != name)
+            known = self._fitted.get(names)
+            if not names or known is None:
+                continue
+            smaller = larger.candidate.only(names)
+            place = larger.place[[c.effect != name for c in larger.candidate.coordinates]]
+            residual = marginal_function(self.problem, smaller)(place)
+            if residual is None or float(residual @ residual) > (1.0 - _NEXT_TO_NOTHING) * known.cost:
+                continue
+            found = fit(self.problem, smaller, place)
+            if found is not None and found.cost < known.cost:
+                self._fitted[names] = self._to_the_end(found)
 
     def growths(self, parent: Fitted[EffectSet]) -> list[Growth]:
         """Return a fitted set's growths by one effect each, the most promising first.

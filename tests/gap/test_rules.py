@@ -91,6 +91,8 @@ NAMED = Facts(
         ({"floor": COMPARED, "fall": 0.24, "is_plain": False}, "no_gap", "only 24% of what"),
         ({"floor": COMPARED, "fall": 0.26, "is_plain": False}, "named", ""),
         ({"floor": COMPARED, "fall": 0.24}, "named", ""),
+        ({"floor": COMPARED, "fall": 0.49, "is_plain": False, "chosen": TWO}, "no_gap", "only 49% of what"),
+        ({"floor": COMPARED, "fall": 0.51, "is_plain": False, "chosen": TWO}, "named", ""),
         ({"floor": FAMILIAR, "fall": 0.24, "is_plain": False}, "named", ""),
         ({"floor": BESIDE, "fall": 0.24, "is_plain": False}, "named", ""),
         ({"fall": 0.24, "is_plain": False}, "named", ""),

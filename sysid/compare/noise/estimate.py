@@ -305,7 +305,8 @@ def _scatter(observations: Observations, blocks: list[Block]) -> tuple[float, in
         changes = np.concatenate([[0.0], command_changes(run)[0]])
         since = block.time_s - changes[np.searchsorted(changes, block.time_s, side="right") - 1]
         squares, neighbours = np.diff(block.value, 2) ** 2, _without_holes(block)
-        settled = since[:-2] >= SETTLED_S
+        # Of one hold: the last of the three samples may be of the next one.
+        settled = (since[:-2] >= SETTLED_S) & (since[2:] > since[:-2])
         weight = 1.0 / block.weight[:-2] + 4.0 / block.weight[1:-1] + 1.0 / block.weight[2:]
         settled_squares.append((squares / weight)[settled & neighbours])
         all_squares.append((squares * block.weight[1:-1] / 6.0)[neighbours])

@@ -66,7 +66,7 @@ class Floor:
 
     @property
     def least_share(self) -> float:
-        """Share of a right model's cost by which a set must lower one that is not plainly visible."""
+        """Share of a right model's cost by which each effect must lower one that is not plainly visible."""
         elsewhere = self.compared and not (self.knows_all or self.familiar)
         return THRESHOLDS.least_on_bench if elsewhere else 0.0
 

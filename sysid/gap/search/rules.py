@@ -135,7 +135,9 @@ def _within_own_error(facts: Facts) -> Outcome | None:
         return Outcome("no_gap", ("the difference is no larger than the model's own error may be",))
     if gain < each * _shares(facts.chosen):
         return Outcome("no_gap", (_hardly_lowers(facts),))
-    return Outcome("no_gap", (_as_in_new_commands(facts),)) if facts.fall < floor.least_share else None
+    if facts.fall < floor.least_share * _shares(facts.chosen):
+        return Outcome("no_gap", (_as_in_new_commands(facts),))
+    return None
 
 
 def _shares(chosen: ScoredSet | None) -> int:

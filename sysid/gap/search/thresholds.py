@@ -102,9 +102,10 @@ class Thresholds:
     this share there: beyond their first order effects are not among the model's own error, so that three
     quiet robots (docs/results/zoo.md) were named some that lowered it by less."""
     least_on_bench: float = 0.25
-    """The same of any set on the bench, in commands that the fit of a drive did not drive, where the cost is
-    not plainly visible: what the law lacks acts there in another way, and looks like an effect that is new.
-    Calibrated on drawn drives (python benchmarks/calibration.py)."""
+    """The same of each effect of a set, or each number of a curve, on the bench, in commands that the fit of
+    a drive did not drive, where the cost is not plainly visible: what the law lacks acts there in another
+    way, and looks like an effect that is new. Calibrated on drawn drives (python benchmarks/calibration.py
+    prints what the best set of each gains)."""
     above_noise: float = 4.0
     """Mean squared error, in noise variances, too large to be the model's own even if nothing states that.
     Calibrated: laws leave 1.9 in the example's logs that they were fitted to, and 11, 29 and 73 in recordings

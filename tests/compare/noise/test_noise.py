@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from mecanum_env.model import Model
+from mecanum_env.simulator import replay_bench
 from sysid.compare.measured import observe
 from sysid.compare.noise import Noise, measure_noise
-from sysid.logs import Dataset
+from sysid.logs import BenchCommand, Dataset, Run
 from tests.gap.conftest import NOISE_RPM, MakeLogs
 
 
@@ -49,3 +50,18 @@ def test_where_all_runs_are_test_runs_their_repeats_count(bench_logs: MakeLogs, 
     logs = bench_logs(base, late_s=2e-5)
     only = replace(logs, runs=tuple(replace(run, split="test") for run in logs.runs))
     assert _noise(only).from_repeats
+
+
+def test_a_change_of_the_command_is_no_noise_where_commands_are_held_for_hardly_longer_than_they_settle(
+    base: Model,
+) -> None:
+    """Of each hold one or two samples are settled; what follows is the next change."""
+    rng, runs = np.random.default_rng(3), []
+    for index in range(4):
+        time_s = np.arange(0.0, 12.0, 0.04)
+        levels = 60.0 * rng.choice([-1.0, 1.0], 22) * rng.uniform(0.5, 2.0, 22)
+        command = levels[np.minimum((time_s / 0.56).astype(int), levels.size - 1)]
+        speed = replay_bench(base, time_s, command) + NOISE_RPM * rng.standard_normal(time_s.size)
+        runs.append(Run(f"r{index}", f"g{index}", "fit", time_s, BenchCommand(command), {"speed_rpm": speed}))
+    noise = _noise(Dataset("short holds", tuple(runs), ()))
+    assert noise.source == {"speed_rpm": "motion"}

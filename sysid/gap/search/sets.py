@@ -98,19 +98,24 @@ class Search:
                 self._improve_parts(larger)
 
     def _improve_parts(self, larger: Fitted[EffectSet]) -> None:
-        """Fit each set that a `larger` one grew from again, from its place there, if it fits better there."""
+        """Fit each set that a `larger` one may have grown from again, if it fits better at its place there.
+
+        One that was not fitted before is, if the larger set is about the best one.
+        """
+        is_near = larger.cost <= self._limit(larger.names)
         for name in larger.names:
             names = tuple(other for other in larger.names if other != name)
             known = self._fitted.get(names)
-            if not names or known is None:
+            if not names or (known is None and not is_near):
                 continue
             smaller = larger.candidate.only(names)
             place = larger.place[[c.effect != name for c in larger.candidate.coordinates]]
             residual = marginal_function(self.problem, smaller)(place)
-            if residual is None or float(residual @ residual) > (1.0 - _NEXT_TO_NOTHING) * known.cost:
+            least = math.inf if known is None else (1.0 - _NEXT_TO_NOTHING) * known.cost
+            if residual is None or float(residual @ residual) > least:
                 continue
             found = fit(self.problem, smaller, place)
-            if found is not None and found.cost < known.cost:
+            if found is not None and found.cost < least and not self._rings(found):
                 self._fitted[names] = self._to_the_end(found)
 
     def growths(self, parent: Fitted[EffectSet]) -> list[Growth]:

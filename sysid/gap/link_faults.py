@@ -218,7 +218,7 @@ def _merged(found: _Found, options: GapOptions, report: GapReport, rest: GapRepo
     if fault.kind == "jitter":
         parameters = {"delay_s": Interval(*fault.delay_s)} | parameters
     since: Since = "unknown" if options.fitted_on is None or fault.surplus < _SURPLUS else "new"
-    if options.fitted_on is not None and since != "new" and not rest.effects:
+    if options.fitted_on is not None and since != "new" and rest.verdict == "no_gap":
         return _without_name(found, report, rest)
     effect = FoundEffect(name, parameters, fault.frequency, since=since)
     cause = cause_of(name)
@@ -244,8 +244,8 @@ def _merged(found: _Found, options: GapOptions, report: GapReport, rest: GapRepo
 def _without_name(found: _Found, report: GapReport, rest: GapReport) -> GapReport:
     """Return the report of the logs as they are, beside a fault that the logs of the fit may have, too.
 
-    It is told and not named: a study beside these logs asks what they do not show. `rest`, of which the fault
-    leaves no effect, says whether there is a gap.
+    It is told and not named: a study beside these logs asks what they do not show. The fault leaves the
+    `rest`, which is no gap.
     """
     beside = report.gap_beside_fit
     return replace(

@@ -55,8 +55,9 @@ def test_no_fit_is_worse_than_a_size_that_was_screened(search: Search) -> None:
             assert search.fitted[(response.effect,)].cost <= screened * (1.0 + 1e-6), response.effect
 
 
-def test_a_single_effect_that_ended_too_early_is_fitted_again_from_a_pair(
-    bench_logs: MakeLogs, base: Model
+@pytest.mark.parametrize("was_fitted", [True, False])
+def test_a_single_effect_that_ended_too_early_or_was_not_fitted_is_fitted_from_a_pair(
+    bench_logs: MakeLogs, base: Model, was_fitted: bool
 ) -> None:
     dataset = bench_logs(base.with_effect("speed_gain", gain=0.9))
     observations = observe(dataset)
@@ -66,5 +67,7 @@ def test_a_single_effect_that_ended_too_early_is_fitted_again_from_a_pair(
     right = search.fitted[("speed_gain",)]
     start = right.candidate.start()
     search._fitted[("speed_gain",)] = replace(right, place=start, residual=search.base.residual)
+    if not was_fitted:
+        del search._fitted[("speed_gain",)]
     search.grow(2)
     assert search.fitted[("speed_gain",)].cost == pytest.approx(right.cost, rel=0.01)

@@ -1,4 +1,4 @@
-"""Effects that the test runs refute: with them the model misses these by more.
+"""Effects that the test runs refute: with them the model misses these by more, or by as much as before.
 
 Test runs are whole command sequences that take no part in the search. A set of effects that explains the runs
 which decide, and has the model miss the others by more than before, describes the former and is not what
@@ -7,26 +7,44 @@ happened. So the last word is theirs, and it can only be no.
 
 from __future__ import annotations
 
-from sysid.gap.result import GapReport, Verdict
+from sysid.gap.result import Difference, GapReport, Verdict
+from sysid.gap.search.chance import Floor
 from sysid.gap.search.rules import Facts, may_be_noise
 from sysid.gap.search.thresholds import THRESHOLDS
 from sysid.gap.wording import amount, set_name
 
 
-def refuted(report: GapReport) -> str:
+def refuted(report: GapReport, floor: Floor) -> str:
     """Return in a sentence that test runs refute the effects of a report; else "".
 
-    Where the commands of the fit were driven again, what the model missed in these is no objection.
+    Where the commands of the fit were driven again, what the model missed in these is no objection. `floor`
+    says what is known of the noise.
     """
     gap = report.gap_beside_fit or report.gap
-    rises = gap.after > THRESHOLDS.large_rms_rise * gap.before
-    if not (report.unseen and report.effects and rises):
+    if not (report.unseen and report.effects):
+        return ""
+    if gap.after > THRESHOLDS.large_rms_rise * gap.before:
+        what = "raises"
+    elif _removes_nothing(gap) and floor.new_on_bench:
+        what = "hardly lowers"
+    else:
         return ""
     names = set_name([effect.name for effect in report.effects])
     return (
-        f"{names}: explains the runs that decide, but raises the error on the unseen test runs from "
+        f"{names}: explains the runs that decide, but {what} the error on the unseen test runs from "
         f"{amount(gap.before, gap.unit)} to {amount(gap.after, gap.unit)}, and is therefore not named"
     )
+
+
+def _removes_nothing(gap: Difference) -> bool:
+    """Return whether effects remove less of a difference on test runs than of that which decides they must.
+
+    Whether a difference is removed that is about as large as the noise is left to chance.
+    """
+    noise = gap.noise_floor
+    if noise is None or gap.before <= THRESHOLDS.large_rms_rise * noise:
+        return False
+    return gap.before**2 - gap.after**2 < THRESHOLDS.least_removed * (gap.before**2 - noise**2)
 
 
 def verdict_of_refuted(facts: Facts) -> Verdict:

@@ -110,7 +110,7 @@ def _analyse(
     found = inquire(dataset, model, options, considered, false_alarm, progress)
     progress("before and after")
     report = _report(dataset, model, options, found, considered)
-    if why := refuted(report):
+    if why := refuted(report, found.data.floor):
         notes = (*found.decision.notes, why)
         verdict = verdict_of_refuted(found.decision.facts)
         decision = replace(found.decision, verdict=verdict, chosen=None, candidates=(), notes=notes)

@@ -67,8 +67,12 @@ class Floor:
     @property
     def least_share(self) -> float:
         """Share of a right model's cost by which each effect must lower one that is not plainly visible."""
-        elsewhere = self.compared and not (self.knows_all or self.familiar)
-        return THRESHOLDS.least_on_bench if elsewhere else 0.0
+        return THRESHOLDS.least_on_bench if self.new_on_bench else 0.0
+
+    @property
+    def new_on_bench(self) -> bool:
+        """Whether a drive's own error is known from the logs of its fit, in other commands than these."""
+        return self.compared and not (self.knows_all or self.familiar)
 
     def largest_ratio(self, size: int) -> float:
         """Return the cost over `size` values that a right model exceeds in a false alarm."""

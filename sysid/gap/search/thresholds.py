@@ -79,8 +79,9 @@ class Thresholds:
     changed the plain squares are at most 0.94 times what is expected, in three of six with a clear effect
     more than 3.6 times (python benchmarks/calibration.py)."""
     least_removed: float = 0.1
-    """Share of the squared difference above the noise that a set must remove to be named. Assumed: removing
-    less lowers the rms by 5 % at most."""
+    """Share of the squared difference above the noise that a set must remove to be named; of a drive in other
+    commands than those of its fit, also of that on test runs. Assumed: removing less lowers the rms by 5 % at
+    most."""
     least_gain: float = 0.15
     """Share of the cost by which a set must lower it where the cost is not plainly visible, beside an own
     error from a comparison with the logs of the fit: its covariance is only roughly known, and chance is not.

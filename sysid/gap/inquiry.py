@@ -124,6 +124,14 @@ def _searched(
     progress(stage := "sets of effects")
     search.tell = within(progress, stage)
     decision = decide(search, data.floor, options.max_effects, np.random.default_rng(settings.seed))
+    error = _error_beside_best_fit(data, search, decision)
+    if error not in (None, data.error):
+        # That there is a gap is certain: what is left of it tells how many effects, and which.
+        progress(stage := "sets of effects beside what the best one leaves")
+        data = replace(data, error=error)
+        tell = within(progress, stage)
+        search = start_search(data, model, settings, considered, tell, search.problem.simulators)
+        decision = decide(search, data.floor, options.max_effects, np.random.default_rng(settings.seed))
     noise = _with_lasting(data, search)
     if decision.facts.chosen is not None and noise.lasting != data.noise.lasting:
         progress(stage := "sets of effects beside noise that lasts")
@@ -185,6 +193,18 @@ def _error_of_best_fit(data: StudyData, search: Search, max_effects: int) -> Mod
     explore(search, data.floor, max_effects, np.random.default_rng(problem.settings.seed))
     parts = problem.whitener.unwhiten(problem.marginal_inverse(search.best_fit.residual))
     return estimate_model_error(block_residuals(data.observations, data.noise, parts))
+
+
+def _error_beside_best_fit(data: StudyData, search: Search, decision: Decision) -> ModelError | None:
+    """Return a drive's own error in other commands than those of its fit, as the best set leaves it.
+
+    None where that is not asked: where a gap may be nothing but this error, it may not be taken for one.
+    """
+    facts, problem = decision.facts, search.problem
+    if data.learned is None or not data.floor.new_on_bench or not facts.is_plain or facts.chosen is None:
+        return None
+    parts = problem.whitener.unwhiten(problem.marginal_inverse(search.best_fit.residual))
+    return data.learned.error_of(data.observations, data.noise, parts, problem.simulators)
 
 
 def _with_lasting(data: StudyData, search: Search) -> Noise:

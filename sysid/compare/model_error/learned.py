@@ -31,6 +31,7 @@ from sysid.compare.model_error.adopted import as_fitted
 from sysid.compare.model_error.elsewhere import change
 from sysid.compare.model_error.familiar import are_familiar
 from sysid.compare.model_error.freedom import freedom_of_each
+from sysid.compare.model_error.marginal import Marginal
 from sysid.compare.model_error.nuisance import adopted_variants, fitted_variants
 from sysid.compare.model_error.shape import Key, ShapeBasis
 from sysid.compare.model_error.size import FACTORS, ModelError, Residual, estimate_model_error
@@ -120,6 +121,26 @@ class Learned:
         if self.knows(observations):
             return self.error
         return self.error.scaled(_OTHER_COMMANDS["bench" if self.is_bench else "robot"])
+
+    def error_of(
+        self, observations: Observations, noise: Noise, left: Sequence[FloatArray], simulators: Simulators
+    ) -> ModelError:
+        """Return what no factor explains in other logs, where a set of effects has `left` so much of them.
+
+        In other commands a drive may err by several times as much as in those of its fit. But it does not err
+        by more than the best set leaves: the factor is the smallest one, of 1 to that of `error_in`, with
+        which that costs no more than there are values.
+        """
+        most = self.error_in(observations)
+        columns = self.columns(simulators)
+        for factor in FACTORS:
+            error = self.error.scaled(factor)
+            whitener = Whitener(observations, noise, error)
+            uncertain = Marginal(self.uncertain(whitener.whiten(columns), observations))
+            values = uncertain.of(whitener.whiten(left))
+            if float(values @ values) <= values.size:
+                return error
+        return most
 
     def before(self) -> Learned:
         """Return what is known of the factors without the logs of the fit."""

@@ -124,25 +124,26 @@ def _searched(
     progress(stage := "sets of effects")
     search.tell = within(progress, stage)
     decision = decide(search, data.floor, options.max_effects, np.random.default_rng(settings.seed))
+    simulators = search.problem.simulators
+
+    def again(data: StudyData, stage: str) -> tuple[Search, Decision]:
+        progress(stage)
+        search = start_search(data, model, settings, considered, within(progress, stage), simulators)
+        return search, decide(search, data.floor, options.max_effects, np.random.default_rng(settings.seed))
+
     error = _error_beside_best_fit(data, search, decision)
-    if error not in (None, data.error):
+    if error is not None and error != data.error:
         # That there is a gap is certain: what is left of it tells how many effects, and which.
-        progress(stage := "sets of effects beside what the best one leaves")
         data = replace(data, error=error)
-        tell = within(progress, stage)
-        search = start_search(data, model, settings, considered, tell, search.problem.simulators)
-        decision = decide(search, data.floor, options.max_effects, np.random.default_rng(settings.seed))
+        search, decision = again(data, "sets of effects beside what the best one leaves")
     noise = _with_lasting(data, search)
     if decision.facts.chosen is not None and noise.lasting != data.noise.lasting:
-        progress(stage := "sets of effects beside noise that lasts")
         told = tuple(map(_lasting_note, noise.lasting.items()))
         # The noise is measured in these logs: the error is not that of the logs of the fit alone any more.
         floor = replace(data.floor, compared=False, lasting=True)
         error = _with_scatter(data, search)
         data = replace(data, noise=noise, error=error, floor=floor, notes=(*data.notes, *told))
-        tell = within(progress, stage)
-        search = start_search(data, model, settings, considered, tell, search.problem.simulators)
-        decision = decide(search, data.floor, options.max_effects, np.random.default_rng(settings.seed))
+        search, decision = again(data, "sets of effects beside noise that lasts")
     return Inquiry(data, search, decision, _since(data, search.problem, decision))
 
 

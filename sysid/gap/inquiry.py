@@ -128,7 +128,9 @@ def _searched(
 
     def again(data: StudyData, stage: str) -> tuple[Search, Decision]:
         progress(stage)
-        search = start_search(data, model, settings, considered, within(progress, stage), simulators)
+        tell = within(progress, stage)
+        search = start_search(data, model, settings, considered, tell, simulators)
+        search.tell = tell
         return search, decide(search, data.floor, options.max_effects, np.random.default_rng(settings.seed))
 
     error = _error_beside_best_fit(data, search, decision)

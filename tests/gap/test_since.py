@@ -17,13 +17,16 @@ from sysid.compare.model_error import Whitener, learn
 from sysid.compare.noise import measure_noise
 from sysid.compare.predicted import SimulationSettings, Simulators
 from sysid.gap.alone import law_of, require_fittable
+from sysid.gap.inquiry import inquire
 from sysid.gap.report.output import gap_json
 from sysid.gap.result import GapOptions
+from sysid.gap.search.known_effects import known_effects
 from sysid.gap.search.study_data import study_data
 from sysid.gap.workflow import analyse
 from sysid.logs import BodyCommand, Dataset, Run
 from sysid.logs.of_fit import logs_of_fit, seen_from, with_logs
 from sysid.logs.writer import write_dataset
+from sysid.progress import silent
 from tests.gap.conftest import MakeLogs
 
 QUIET = GapOptions(next_experiment=False)
@@ -119,6 +122,39 @@ def test_the_error_of_the_fit_is_taken_off_in_other_logs(
     )
     # Chance alone moves the factors by what their prior allows, and the logs narrow them.
     assert np.all(np.sum(learned.root**2, axis=1) <= learned.prior**2 * (1.0 + 1e-9))
+
+
+def test_the_error_in_other_commands_grows_with_what_is_left_up_to_its_largest(
+    bench_logs: MakeLogs, base: Model, rubbing: Model
+) -> None:
+    learned, other = learn(base, bench_logs(rubbing, seed=1)), bench_logs(rubbing, seed=2)
+    observations = observe(other)
+    noise, simulators = measure_noise(other, observations), Simulators.of(observations, SimulationSettings())
+    rng = np.random.default_rng(3)
+    scatter = [noise.sigma[b.channel] * rng.standard_normal(b.value.size) for b in observations.blocks]
+    settled = []
+    for factor in (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 30.0):
+        error = learned.error_of(observations, noise, [factor * part for part in scatter], simulators)
+        settled.append(error.channels["speed_rpm"].settled)
+    assert settled == sorted(settled)
+    assert settled[0] == learned.error.channels["speed_rpm"].settled < settled[-1]
+    assert settled[-1] == learned.error_in(observations).channels["speed_rpm"].settled
+
+
+@pytest.mark.parametrize(("gain", "is_plain"), [(1.0, False), (0.9, True)])
+def test_where_a_gap_is_plain_the_error_is_no_larger_than_what_the_effects_leave(
+    bench_logs: MakeLogs, base: Model, rubbing: Model, gain: float, is_plain: bool
+) -> None:
+    model, of_fit = replace(base, robot=rubbing.robot), bench_logs(rubbing, seed=1)
+    logs = bench_logs(rubbing.with_effect("speed_gain", gain=gain), seed=2)
+    known = known_effects(logs.level, QUIET.plant, logs.columns)
+    found = inquire(logs, model, replace(QUIET, fitted_on=of_fit), known, 0.01, silent)
+    assert found.decision.facts.is_plain is is_plain
+    assert found.data.learned is not None
+    assert found.data.error is not None
+    most = found.data.learned.error_in(found.data.observations)
+    used, largest = (error.channels["speed_rpm"].settled for error in (found.data.error, most))
+    assert (used < largest) is is_plain
 
 
 def test_logs_of_another_level_are_no_logs_of_the_fit(bench_logs: MakeLogs, base: Model) -> None:

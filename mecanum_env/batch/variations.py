@@ -24,15 +24,14 @@ from mecanum_env.effects import CATALOGUE
 from mecanum_env.effects.apply import active_effects, changed_drive, wheels_differ
 from mecanum_env.errors import InputError
 from mecanum_env.kinematics import WHEELS
-from mecanum_env.law.coefficients import COEFFICIENTS, WheelLaw
+from mecanum_env.law.coefficients import COEFFICIENTS
 from mecanum_env.mjcf.geometry import wheel_geometry
 from mecanum_env.mjcf.masses import spin_inertia, surely_possible
 from mecanum_env.model import Model, Robot
 from mecanum_env.plugin.layout import drive_numbers
 from mecanum_env.units import FloatArray
 from mecanum_env.wheel_drive.drive import DriveParameters
-from mecanum_env.wheel_drive.parameters import CHAIN
-from mecanum_env.wheel_drive.wheel_load import WheelLoad
+from mecanum_env.wheel_drive.many import Laws, several
 
 LAW: Final = tuple(f"law.{name}" for name in COEFFICIENTS)
 """Names of what is added to the coefficients of a robot's laws; their gain is kept (`WheelLaw.moved`)."""
@@ -47,18 +46,6 @@ class _Models(Model):
 
 
 class _Robots(Robot):
-    def __post_init__(self) -> None: ...
-
-
-class _Laws(WheelLaw):
-    def __post_init__(self) -> None: ...
-
-
-class _Drives(DriveParameters):
-    def __post_init__(self) -> None: ...
-
-
-class _Loads(WheelLoad):
     def __post_init__(self) -> None: ...
 
 
@@ -162,8 +149,7 @@ class Variations:
         for i, wheel in enumerate(self._wheels):
             drive = changed_drive(self._drives(given, wheel), acting, wheel)
             found = drive_numbers(robot, drive, 0.0, inertia_kg_m2=inertia)
-            chain: tuple[Any, ...] = (*found.dynprm, found.servo_n_m_s_rad, *found.user)
-            for row, number in zip(drives, chain[: len(CHAIN)], strict=True):
+            for row, number in zip(drives, found.chain, strict=True):
                 if isinstance(number, np.ndarray):
                     row[slice(None) if wheel is None else i] = number
         bodies = body_numbers(robot, acting, self._typical.clocks.timestep_s, inertia + drives[ROTOR, 0])
@@ -186,9 +172,7 @@ class Variations:
         """Return the drives of a wheel of all robots without any effect, as one."""
         law = self._common.wheel.law if wheel is None else self._common.law_of(wheel)
         if LAW[0] in given:
-            law = _Laws(**vars(law)).moved([given[name] for name in LAW])
-        drive = vars(self._model.wheel.drive_parameters())
-        limit = given.get("wheel.saturation_rpm", drive["saturation_rpm"])
-        return _Drives(
-            **{**drive, "law": law, "saturation_rpm": limit, "load": _Loads(**vars(drive["load"]))}
-        )
+            law = Laws(**vars(law)).moved([given[name] for name in LAW])
+        drive = self._model.wheel.drive_parameters()
+        limit = given.get("wheel.saturation_rpm", drive.saturation_rpm)
+        return several(drive, law=law, saturation_rpm=limit)

@@ -243,6 +243,12 @@ class Effect:
         return any(function is not None for function in functions)
 
     @property
+    def only_in_drive(self) -> bool:
+        """Whether nothing but the wheel's drive changes, in no run otherwise than in another."""
+        elsewhere = (self.change_model, self.change_spec, self.limit_body, self.change_channels)
+        return self.change_drive is not None and not any(elsewhere) and not self.follows_angle
+
+    @property
     def simulated(self) -> bool:
         """Whether any plant simulates it."""
         return self.changes_motion or self.change_channels is not None

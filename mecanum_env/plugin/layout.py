@@ -54,8 +54,7 @@ SERVO: Final = 2
 """Index in biasprm of minus servo_n_m_s_rad."""
 _INERTIA: Final = USER.index("inertia_kg_m2")
 _ROTOR: Final = USER.index("rotor_kg_m2")
-_GAP: Final = USER.index("gap_rad")
-_GAP_SWING: Final = USER.index("gap_swing_rad_s")
+_GAP, _GAP_SWING = (USER.index(name) for name in ("gap_rad", "gap_swing_rad_s"))
 _LINK_SEED: Final = USER.index("link_seed")
 NO_TORQUE_LIMIT: Final[float] = mujoco.mjMAXVAL
 """The torque limit in user if there is none; not 0, so that a file which omits the limit is refused."""
@@ -165,6 +164,11 @@ class WheelNumbers(NamedTuple):
         """The inertia of its rotor, which the joint must have as armature."""
         return self.user[_ROTOR]
 
+    @property
+    def chain(self) -> list[Any]:
+        """All of them but programs, in the order of `wheel_drive.parameters.CHAIN`."""
+        return [*self.dynprm, self.servo_n_m_s_rad, *self.user[: len(USER)]]
+
     def write(self, mjmodel: mujoco.MjModel, actuators: int | list[int]) -> None:
         """Write them for some actuators, by id, of a compiled model whose user field is large enough."""
         mjmodel.actuator_dynprm[actuators] = self.dynprm
@@ -225,11 +229,8 @@ def chain_numbers(
 ) -> FloatArray:
     """Return what `chain_parameters` does, of the `drive` of a wheel of a `robot`."""
     numbers = drive_numbers(robot, drive, None, torque_limit_n_m, inertia_kg_m2)
-    programs = np.zeros(len(PROGRAMS) * PROGRAM_SIZE)
-    written = numbers.user[FIRST_PROGRAM:]
-    programs[: len(written)] = written
-    chain = np.array([*numbers.dynprm, numbers.servo_n_m_s_rad, *numbers.user[: len(USER)]])
-    return np.concatenate([chain, programs])
+    programs = numbers.user[FIRST_PROGRAM:] or np.zeros(len(PROGRAMS) * PROGRAM_SIZE)
+    return np.concatenate([numbers.chain, programs])
 
 
 def set_wheel_parameters(

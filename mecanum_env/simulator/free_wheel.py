@@ -7,27 +7,34 @@ changes the MuJoCo model.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Any, Final, TypeAlias
 
 import mujoco
 import numpy as np
+import numpy.typing as npt
 
-from mecanum_env.effects.apply import active_effects, changed_model, drive_parameters
+from mecanum_env.effects import CATALOGUE
+from mecanum_env.effects.apply import active_effects, changed_drive, changed_model, drive_parameters
 from mecanum_env.errors import InputError
+from mecanum_env.law.coefficients import COEFFICIENTS
+from mecanum_env.law.stability import stability_margins
 from mecanum_env.mjcf import bench_spec
 from mecanum_env.mjcf.physics import fitting_timestep, wheel_inertia
 from mecanum_env.model import Model
-from mecanum_env.plugin.layout import NO_TORQUE_LIMIT, chain_numbers, set_steady
+from mecanum_env.plugin.layout import NO_TORQUE_LIMIT, chain_numbers, drive_numbers, set_steady
 from mecanum_env.plugin.library import Counts, HeldCommands, free_wheels, refusal
 from mecanum_env.simulator.commands import hold
 from mecanum_env.simulator.supply import Supply
 from mecanum_env.simulator.trajectory import diverged, step_through
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
-from mecanum_env.wheel_drive.parameters import CHAIN
+from mecanum_env.wheel_drive.many import Laws, several
+from mecanum_env.wheel_drive.parameters import CHAIN, with_programs
 
+EffectNumbers: TypeAlias = Mapping[str, Mapping[str, FloatArray]]
+"""Effect -> parameter -> values of several wheels, shape (m,)."""
 _INERTIA: Final = CHAIN.index("inertia_kg_m2")
 
 
@@ -66,6 +73,63 @@ class FreeWheel:
         # The drive feeds forward the inertia that it turns, its rotor's included.
         inertia = float(parameters[_INERTIA])
         return FreeWheel(step, parameters, inertia, damping, drive.reads_voltage, mj_model)
+
+
+@dataclass(frozen=True, eq=False)
+class FreeWheels:
+    """Several wheels on the bench whose laws and effects differ in their numbers, computed at once."""
+
+    timestep_s: float
+    parameters: FloatArray
+    """As of a `FreeWheel`, shape (m, P)."""
+    possible: npt.NDArray[np.bool_]
+    """Which of them can be simulated, shape (m,): they have a stable law, and numbers that a drive takes."""
+
+    @staticmethod
+    def of(
+        model: Model, laws: FloatArray, effects: EffectNumbers, timestep_s: float | None = None
+    ) -> FreeWheels:
+        """Return wheels like that of a `model`, with other `laws` (A-F, shape (6, m)) and other `effects`.
+
+        These are given as effect -> parameter -> its values, shape (m,). They act in the drive alone, as
+        delays, gains and limits do. `timestep_s` is as for `FreeWheel.of`.
+
+        Raises:
+            ValueError: an effect that changes something else, or a model with custom effects.
+        """
+        if model.custom or not all(CATALOGUE[name].only_in_drive for name in effects):
+            raise ValueError(f"{', '.join(effects)}: must all change nothing but the drive")
+        robot, own = model.robot, model.wheel.drive_parameters()
+        law = Laws(**{**vars(own.law), **dict(zip(COEFFICIENTS, laws, strict=True))})
+        # The formulas of one drive take arrays as well.
+        given: Mapping[str, Mapping[str, Any]] = effects
+        in_order = (CATALOGUE[name] for name in CATALOGUE if name in given)
+        acting = tuple((effect, effect.complete(given[effect.name], model)) for effect in in_order)
+        drives = changed_drive(several(own, law=law), acting, None)
+        chain = drive_numbers(robot, drives, None, NO_TORQUE_LIMIT, wheel_inertia(robot)).chain
+        rows = np.empty((laws.shape[1], len(CHAIN)))
+        for column, number in zip(rows.T, chain, strict=True):
+            column[:] = number
+        rows = with_programs(rows)
+        step = fitting_timestep(model, timestep_s)
+        stable = np.all(stability_margins(laws[:3].T) > 0.0, axis=1)
+        possible = [bool(safe) and refusal(row, step) is None for safe, row in zip(stable, rows, strict=True)]
+        return FreeWheels(step, rows, np.array(possible))
+
+    def motions(self, runs: BenchRuns) -> Iterator[list[tuple[FloatArray, FloatArray]] | None]:
+        """Yield the motion of each wheel in all `runs`, as `wheel_motions` returns it.
+
+        It is None of one that cannot be simulated, or whose state stops being finite.
+        """
+        clocks = runs.clocks(self.timestep_s)
+        rows = self.parameters[self.possible]
+        bodies = np.stack([rows[:, _INERTIA], np.zeros(len(rows))], axis=1)
+        found = free_wheels(rows, bodies, self.timestep_s, runs.commands, clocks.steps, clocks.lost_v)
+        finite = np.array(self.possible)
+        finite[finite] = np.all(found[1] >= clocks.steps, axis=1)
+        row_of = np.cumsum(self.possible) - 1
+        for row, moves in zip(row_of, finite, strict=True):
+            yield clocks.split(found[0][row]) if moves else None
 
 
 def compile_bench(model: Model, wheel: str | None = None, timestep_s: float | None = None) -> mujoco.MjModel:
@@ -133,6 +197,10 @@ class _Clocks:
     lost_v: FloatArray | None
     """What the supplies have lost in each step, run after run [V]; None if nothing."""
 
+    def split(self, speeds_rpm: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
+        """Return times [s] and speeds [rpm] of each run, given those of all, one run behind the other."""
+        return [(time, speeds_rpm[part]) for time, part in zip(self.times_s, self.parts, strict=True)]
+
     @staticmethod
     def of(runs: Sequence[BenchRun], timestep_s: float) -> _Clocks:
         steps = np.array([_steps(run.duration_s, timestep_s) for run in runs])
@@ -169,7 +237,7 @@ def wheel_motions(wheels: Sequence[FreeWheel], runs: BenchRuns) -> list[list[tup
         if np.any(reached < clocks.steps):
             raise diverged(float(np.min(reached[reached < clocks.steps])) * step)
         for i, row in zip(members, speeds, strict=True):
-            found[i] = [(time, row[part]) for time, part in zip(clocks.times_s, clocks.parts, strict=True)]
+            found[i] = clocks.split(row)
     return [found[index] for index in range(len(wheels))]
 
 

@@ -3,7 +3,8 @@
 It is the reference of the C code in `mecanum_env.plugin`: tests hold both equal to the bit.
 
 chain         a whole drive, one substep after the other; `free_wheel` runs it on a bench
-drive         the parameters of a drive, and what it makes of a command; `parameters` puts them in a row
+drive         the parameters of a drive, and what it makes of a command; `parameters` puts them in a row,
+              and `many` are several drives as one
 inputs        from the commands that are sent to the inputs of the law
 link          the delay of each command, its jitter, and commands that are lost
 set_point     from a command to the set-point, as functions of numbers; `shaping` does it for a latched one

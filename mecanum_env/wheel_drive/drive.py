@@ -167,11 +167,16 @@ class DriveParameters:
 
     @property
     def supply_share(self) -> float:
-        """Share of what is left to the supply's speed that a wheel gains in a tick; 0 without a supply."""
-        if not math.isfinite(self.supply_rpm):
+        """Share of what is left to the supply's speed that a wheel gains in a tick; 0 without a supply.
+
+        Several drives as one (`wheel_drive.many`) must all have a supply and a time constant.
+        """
+        if np.all(np.isfinite(self.supply_rpm)) and np.all(np.greater(self.supply_s, 0.0)):
+            share: float = -np.expm1(-self.law.sample_period_s / self.supply_s)
+            return share
+        # Arrays, of which some are in another case, raise a TypeError here.
+        if math.isinf(self.supply_rpm) or math.isinf(self.supply_s):
             return 0.0
-        if self.supply_s > 0.0:
-            return -math.expm1(-self.law.sample_period_s / self.supply_s)
         return steepest_share(self.law)
 
     @property

@@ -10,13 +10,20 @@ from hypothesis import strategies as st
 from mecanum_env.effects import Effect, Parameter, registered
 from mecanum_env.effects.apply import changed_model, drive_parameters
 from mecanum_env.errors import InputError
+from mecanum_env.law import WheelLaw
 from mecanum_env.mjcf.physics import wheel_inertia
 from mecanum_env.model import paper_model
 from mecanum_env.plugin.layout import NO_TORQUE_LIMIT, chain_parameters
 from mecanum_env.plugin.library import parameter_names
 from mecanum_env.simulator.bench import bench_motions, replay_bench
 from mecanum_env.simulator.commands import hold
-from mecanum_env.simulator.free_wheel import BenchRun, compile_bench, mujoco_bench_motion
+from mecanum_env.simulator.free_wheel import (
+    BenchRun,
+    BenchRuns,
+    FreeWheels,
+    compile_bench,
+    mujoco_bench_motion,
+)
 from mecanum_env.simulator.supply import Supply
 from mecanum_env.simulator.trajectory import SimulationDivergedError
 from mecanum_env.wheel_drive.drive import longest_delay_s
@@ -154,6 +161,48 @@ def test_models_and_runs_of_one_call_do_not_disturb_each_other(paper):
             expected_clock, expected = by_mujoco(model, run)
             np.testing.assert_array_equal(clock, expected_clock)
             np.testing.assert_array_equal(speed, expected)
+
+
+@pytest.mark.parametrize(
+    "limits",
+    [
+        {"acceleration_limit/s_curve": ("limit_rpm_s", "brake_rpm_s", "jerk_rpm_s2")},
+        {
+            "speed_saturation/supply": ("limit_rpm", "motor_s"),
+            "acceleration_limit/drive": ("limit_rpm_s", "brake_rpm_s"),
+        },
+    ],
+)
+def test_wheels_that_are_computed_at_once_move_as_each_alone(paper, limits):
+    rng = np.random.default_rng(2)
+    runs = [random_run(rng) for _ in range(3)]
+    # Not in the order of the chain.
+    parameters = {**limits, "speed_gain": ("gain",), "command_latency": ("delay_s",)}
+    of_name = {"motor_s": 0.2, "gain": 1.3, "delay_s": 0.25, "limit_rpm": 150.0, "jerk_rpm_s2": 5e3}
+    effects = {
+        effect: {name: of_name.get(name, 400.0) * rng.uniform(0.5, 1.0, 5) for name in names}
+        for effect, names in parameters.items()
+    }
+    laws = np.array(paper.wheel.law.coefficients)[:, None] * rng.uniform(0.9, 1.0, 5)
+    laws[0, 1] = 1.5  # unstable
+    effects["command_latency"]["delay_s"][3] = 70 * paper.wheel.command_period_s  # too long for any drive
+    found = list(FreeWheels.of(paper, laws, effects).motions(BenchRuns(runs)))
+    assert [motions is None for motions in found] == [False, True, False, True, False]
+    for i in (0, 2, 4):
+        law = WheelLaw.from_coefficients(laws[:, i], paper.wheel.law.sample_period_s)
+        values = {name: {key: one[i] for key, one in given.items()} for name, given in effects.items()}
+        alone = replace(paper, wheel=replace(paper.wheel, law=law), effects=values)
+        for (clock, speed), (expected_clock, expected) in zip(
+            found[i], bench_motions([alone], runs)[0], strict=True
+        ):
+            np.testing.assert_array_equal(clock, expected_clock)
+            np.testing.assert_allclose(speed, expected, rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["sensor_lowpass", "torque_ripple", "viscous_friction", "weak_servo"])
+def test_wheels_with_effects_beyond_the_drive_are_not_computed_at_once(paper, name):
+    with pytest.raises(ValueError, match="must all change nothing but the drive"):
+        FreeWheels.of(paper, np.zeros((6, 2)), {name: {}})
 
 
 def test_each_wheel_has_its_own_law(paper, slow_law):

@@ -19,6 +19,7 @@ from mecanum_env.effects import CATALOGUE
 from mecanum_env.effects.apply import without_sensors
 from mecanum_env.errors import MecanumError
 from mecanum_env.model import Model, cause_of
+from mecanum_env.simulator.free_wheel import EffectNumbers, FreeWheels
 from mecanum_env.units import FloatArray
 from sysid.compare.least_squares.gauss_newton import Mask
 from sysid.compare.least_squares.phases import with_unknown_phases
@@ -166,6 +167,15 @@ class ResidualProblem:
             return rollers
         here, there = self.surrogate_residual(slow), self.surrogate_residual(model)
         return None if here is None or there is None else rollers + there - here
+
+    def residuals_of(self, model: Model, laws: FloatArray, effects: EffectNumbers) -> list[FloatArray | None]:
+        """Return what `residual` does of several wheels on the bench, which are simulated at once.
+
+        They are like that of a `model`, with other `laws` and `effects`, see `FreeWheels.of`.
+        """
+        wheels = FreeWheels.of(model, laws, effects, self.settings.timestep_s)
+        found = self.simulators.full.predictions_of(wheels, model.wheel.command_period_s)
+        return [None if one is None else self.measured - self.whitener.whiten(one) for one in found]
 
     def cost(self, model: Model) -> float:
         """Return the sum of squares of a model's residual, infinite if it cannot be simulated."""

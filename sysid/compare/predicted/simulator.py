@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -16,7 +16,7 @@ import numpy as np
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.effects.apply import sensors_of, without_sensors
 from mecanum_env.model import Model
-from mecanum_env.simulator.free_wheel import BenchRun, BenchRuns, FreeWheel
+from mecanum_env.simulator.free_wheel import BenchRun, BenchRuns, FreeWheel, FreeWheels
 from mecanum_env.units import FloatArray
 from sysid.compare.measured import Observations
 from sysid.compare.predicted.gap_start import FromGap, SeenSpeed, motions_from_gap, starts_in_gap
@@ -98,7 +98,6 @@ class Simulator:
         return None if found is None else found.places if any(found.places) else MIDDLE
 
     def _predict(self, model: Model, key: Hashable, starts: Starts | None) -> list[FloatArray]:
-        situations = self.observations.situations
         alone, sensors = without_sensors(model), sensors_of(model)
         if starts is None:
             found = self._from_gap(model, key)
@@ -114,11 +113,29 @@ class Simulator:
             )
         # Situations with the same commands share a motion, which is seen once.
         seen = {id(motion): motion.seen_by(sensors) for motion in motions}
-        channels = [
-            readings(seen[id(motion)], situation.runs[0], situation.start)
-            for situation, motion in zip(situations, motions, strict=True)
-        ]
-        return self.observations.predicted(channels)
+        return self._read([seen[id(motion)] for motion in motions])
+
+    def predictions_of(
+        self, wheels: FreeWheels, command_period_s: float
+    ) -> Iterator[list[FloatArray] | None]:
+        """Yield for each of several wheels on the bench what `predictions` returns, None if it has no motion.
+
+        They start in the middle of any gap, do not depend on the voltage, and latch commands with one period.
+        """
+        groups = self._groups_of(command_period_s)
+        for found in wheels.motions(groups.bench_runs):
+            motions = [Motion(clock, {"speed_rpm": speed}) for clock, speed in found or ()]
+            yield self._read(groups.of_situations(motions)) if found else None
+
+    def _read(self, motions: Sequence[Motion]) -> list[FloatArray]:
+        """Return what the motions of all situations, as sensors see them, are at each block's samples."""
+        situations = self.observations.situations
+        return self.observations.predicted(
+            [
+                readings(motion, situation.runs[0], situation.start)
+                for situation, motion in zip(situations, motions, strict=True)
+            ]
+        )
 
     @cached_property
     def _voltage_logged(self) -> bool:
@@ -212,17 +229,21 @@ class Simulator:
     def _simulate(self, model: Model) -> list[Motion]:
         if self.observations.situations[0].runs[0].level == "bench":
             wheel = self._wheel(model)
-            groups = self._groups_of(model, by_voltage=self._voltage_logged and wheel.reads_voltage)
+            by_voltage = self._voltage_logged and wheel.reads_voltage
+            groups = self._groups_of(model.wheel.command_period_s, by_voltage=by_voltage)
             return groups.of_situations(bench_motions_of(wheel, groups.bench_runs))
         # A direction in the world makes the motion depend on where a run starts.
         by_heading = any(CATALOGUE[name].turned is not None for name in model.effects)
         by_voltage = self._voltage_logged and follows_voltage(model)
-        groups = self._groups_of(model, by_voltage=by_voltage, by_heading=by_heading)
+        period = model.wheel.command_period_s
+        groups = self._groups_of(period, by_voltage=by_voltage, by_heading=by_heading)
         return groups.of_situations(self._robot_motions(model, groups, by_heading))
 
-    def _groups_of(self, model: Model, *, by_voltage: bool, by_heading: bool = False) -> Groups:
-        """Return the situations that share a motion of a model; see `Groups.of`."""
-        key = model.wheel.command_period_s, by_voltage, by_heading
+    def _groups_of(
+        self, command_period_s: float, *, by_voltage: bool = False, by_heading: bool = False
+    ) -> Groups:
+        """Return the situations that share a motion; see `Groups.of`."""
+        key = command_period_s, by_voltage, by_heading
         if key not in self._groups:
             self._groups[key] = Groups.of(self.observations.situations, *key)
         return self._groups[key]

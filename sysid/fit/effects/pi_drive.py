@@ -14,20 +14,21 @@ round ends (`acceleration_limit/s_curve`) that the motor can follow. The few num
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Final, Literal, get_args
+from typing import Final, Literal, TypeAlias, get_args
 
 import numpy as np
 from scipy.stats import qmc
 
-from mecanum_env.errors import MecanumError
 from mecanum_env.law import WheelLaw
 from mecanum_env.model import Model
+from mecanum_env.simulator.free_wheel import EffectNumbers
 from mecanum_env.units import FloatArray
 from sysid.compare.least_squares import descend_from_afar
 
+ResidualsOf: TypeAlias = Callable[[Model, FloatArray, EffectNumbers], Sequence[FloatArray | None]]
+"""Residuals (N,) of several drives: a model, their laws A-F (6, m), and the numbers of their effects."""
 Kind = Literal["anti-windup", "windup", "ramp"]
 """What limits a drive: its motor, beyond whose bounds the integral stands still or winds up, or the ramp of
 its set-point, which the motor follows."""
@@ -63,63 +64,68 @@ _STEPS: Final = 12
 _LAST_STEPS: Final = 30
 _ASTRAY: Final = 1e3
 """Every residual of a drive that cannot be simulated."""
+_AT_ONCE: Final = 16
+"""Drives that are simulated together, of those that are tried: their motions take much memory."""
 
 
-def pi_drive(
-    alone: Model, top_rpm: float, kind: Kind, residual: Callable[[Model], FloatArray | None]
-) -> Model:
+def pi_drive(alone: Model, top_rpm: float, kind: Kind, residuals_of: ResidualsOf) -> Model:
     """Return the model with the law of a PI loop, and limits of some `kind`, that leaves least.
 
-    `alone` gives the rest of the model, and `top_rpm` is the largest speed of the logs; the `residual` of a
-    model is None if it cannot be simulated.
+    `alone` gives the rest of the model, and `top_rpm` is the largest speed of the logs; the residual of a
+    drive that cannot be simulated is None. If none can, the model is returned as it is.
     """
-    law_alone = residual(alone)
-    if law_alone is None:
-        return alone
-    astray = np.full(law_alone.size, _ASTRAY)
     ranges = {**_LOOP, **(_RAMP if kind == "ramp" else _MOTOR)}
     low, first, last, high = np.log(np.array(list(ranges.values()))).T
+    tick_s, windup = alone.wheel.law.sample_period_s, 1.0 if kind == "windup" else 0.0
+    plain = replace(alone, wheel=replace(alone.wheel, windup=windup), effects={}, uncertainty={})
+
+    def drives_at(places: FloatArray) -> tuple[FloatArray, EffectNumbers]:
+        numbers = dict(zip(ranges, np.exp(low + (high - low) * places).T, strict=True))
+        return _laws(tick_s, numbers), _effects(top_rpm, kind, numbers)
 
     def model_at(place: FloatArray) -> Model:
-        numbers = dict(zip(ranges, np.exp(low + (high - low) * place).tolist(), strict=True))
-        return _model(alone, top_rpm, kind, numbers)
+        laws, effects = drives_at(place[None])
+        wheel = replace(plain.wheel, law=WheelLaw.from_coefficients(laws[:, 0], tick_s))
+        values = {name: {key: float(v[0]) for key, v in given.items()} for name, given in effects.items()}
+        return replace(plain, wheel=wheel, effects=values)
 
-    def left(place: FloatArray) -> FloatArray:
-        try:
-            found = residual(model_at(place))
-        except MecanumError:
-            # The loop is unstable.
-            return astray
-        return astray if found is None else found
+    def left(places: FloatArray) -> FloatArray:
+        found = residuals_of(plain, *drives_at(places))
+        return np.stack([astray if one is None else one for one in found])
 
     shares = np.asarray(qmc.Sobol(len(ranges), rng=np.random.default_rng(0)).random(_TRIED), float)
     places = (first - low + shares * (last - first)) / (high - low)
-    costs = [float(np.sum(left(place) ** 2)) for place in places]
+    parts = np.split(places, _TRIED // _AT_ONCE)
+    tried = [one for part in parts for one in residuals_of(plain, *drives_at(part))]
+    size = next((one.size for one in tried if one is not None), 0)
+    if not size:
+        return alone
+    astray = np.full(size, _ASTRAY)
+    costs = [float(np.sum((astray if one is None else one) ** 2)) for one in tried]
     coarse = [descend_from_afar(left, places[i], 1e-2, _STEPS) for i in np.argsort(costs)[:_DESCENDED]]
     coarse.sort(key=lambda one: one[0])
     fine = [descend_from_afar(left, place, 1e-3, _LAST_STEPS) for _, place in coarse[:_BEST]]
     return model_at(min(fine, key=lambda one: one[0])[1])
 
 
-def _model(alone: Model, top_rpm: float, kind: Kind, numbers: Mapping[str, float]) -> Model:
-    """Return the model of a PI loop with limits of some kind."""
-    motor_s, kp = numbers["motor_s"], numbers["motor_s"] / numbers["loop_s"]
-    times = numbers["integral_s"], numbers["filter_s"]
-    law = pi_law(alone.wheel.law.sample_period_s, motor_s, kp, *times).require_stable()
+def _laws(tick_s: float, numbers: Mapping[str, FloatArray]) -> FloatArray:
+    """Return the coefficients A-F of PI loops with some `numbers` (m,), shape (6, m)."""
+    kp = numbers["motor_s"] / numbers["loop_s"]
+    return _coefficients(tick_s, numbers["motor_s"], kp, numbers["integral_s"], numbers["filter_s"])
+
+
+def _effects(top_rpm: float, kind: Kind, numbers: Mapping[str, FloatArray]) -> EffectNumbers:
+    """Return the effects of drives of some `kind` with some `numbers` (m,): their delay, gain and limits."""
     rise = top_rpm / numbers["rise_s"]
     rates = {"limit_rpm_s": rise, "brake_rpm_s": numbers["brake"] * rise}
-    effects: dict[str, dict[str, float]] = {
+    both = {
         "command_latency": {"delay_s": numbers["delay_s"]},
         "speed_gain": {"gain": numbers["gain"]},
     }
     if kind == "ramp":
-        effects["acceleration_limit/s_curve"] = {**rates, "jerk_rpm_s2": rise / numbers["jerk_s"]}
-    else:
-        effects["acceleration_limit/drive"] = rates
-        ceiling_rpm = top_rpm * numbers["ceiling"]
-        effects["speed_saturation/supply"] = {"limit_rpm": ceiling_rpm, "motor_s": numbers["supply_s"]}
-    wheel = replace(alone.wheel, law=law, windup=1.0 if kind == "windup" else 0.0)
-    return replace(alone, wheel=wheel, effects=effects, uncertainty={})
+        return {**both, "acceleration_limit/s_curve": {**rates, "jerk_rpm_s2": rise / numbers["jerk_s"]}}
+    supply = {"limit_rpm": top_rpm * numbers["ceiling"], "motor_s": numbers["supply_s"]}
+    return {**both, "acceleration_limit/drive": rates, "speed_saturation/supply": supply}
 
 
 def pi_law(tick_s: float, motor_s: float, kp: float, integral_s: float, filter_s: float) -> WheelLaw:
@@ -129,10 +135,18 @@ def pi_law(tick_s: float, motor_s: float, kp: float, integral_s: float, filter_s
     that the voltage holds in the end, `integral_s` the time in which the integral adds as much, and
     `filter_s` the time constant of the filter of the command.
     """
-    pole, lag = math.exp(-tick_s / motor_s), math.exp(-tick_s / filter_s)
+    numbers = (np.asarray(one) for one in (motor_s, kp, integral_s, filter_s))
+    return WheelLaw.from_coefficients(_coefficients(tick_s, *numbers), tick_s)
+
+
+def _coefficients(
+    tick_s: float, motor_s: FloatArray, kp: FloatArray, integral_s: FloatArray, filter_s: FloatArray
+) -> FloatArray:
+    """Return the coefficients A-F of what `pi_law` returns, shape (6, ...)."""
+    pole, lag = np.exp(-tick_s / motor_s), np.exp(-tick_s / filter_s)
     ki = kp * tick_s / integral_s
     # w(k+1) = pole w(k) + (1 - pole) v(k), v(k) = v(k-1) + kp (e(k) - e(k-1)) + ki e(k), e = u - w
-    of_speed = np.array([1.0 + pole - (1.0 - pole) * (kp + ki), (1.0 - pole) * kp - pole, 0.0])
-    of_command = np.array([(1.0 - pole) * (kp + ki), -(1.0 - pole) * kp, 0.0])
-    delayed = np.array([lag, -lag * of_speed[0], -lag * of_speed[1]])
-    return WheelLaw.from_coefficients([*(of_speed + delayed), *((1.0 - lag) * of_command)], tick_s)
+    a, b = 1.0 + pole - (1.0 - pole) * (kp + ki), (1.0 - pole) * kp - pole
+    d, e = (1.0 - pole) * (kp + ki), -(1.0 - pole) * kp
+    rest = 1.0 - lag
+    return np.stack([a + lag, b - lag * a, -lag * b, rest * d, rest * e, np.zeros_like(a)])

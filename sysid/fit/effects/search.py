@@ -144,7 +144,7 @@ class EffectSearch:
 
         The rest is as in the law `alone`.
         """
-        return pi_drive(alone, self._top_rpm, kind, self.problem.residual)
+        return pi_drive(alone, self._top_rpm, kind, self.problem.residuals_of)
 
     def beside(self, reached: Reached) -> EffectSearch:
         """Return this search from the start of a set."""

@@ -250,9 +250,10 @@ def _descended(
         place[free] = part
         return place
 
-    cost, part = descend_from_afar(
-        lambda part: residual(whole(part), start.base), start.place[free], step, most
-    )
+    def residuals(parts: FloatArray) -> FloatArray:
+        return np.stack([residual(whole(part), start.base) for part in parts])
+
+    cost, part = descend_from_afar(residuals, start.place[free], step, most)
     return replace(start, cost=cost, place=whole(part))
 
 

@@ -10,6 +10,7 @@ import pytest
 
 from mecanum_env.model import Model, paper_model
 from mecanum_env.simulator import replay_bench
+from mecanum_env.simulator.free_wheel import BenchRun, BenchRuns, EffectNumbers, FreeWheels
 from sysid.fit import FitOptions, fit_dataset, fitted_model
 from sysid.fit.effects.pi_drive import KINDS, Kind, pi_drive, pi_law
 from sysid.logs import BenchCommand, Dataset, Run, Split
@@ -44,14 +45,16 @@ def ramped_drive() -> Model:
 )
 def test_of_three_kinds_of_drive_the_right_one_leaves_least(kind: Kind, true: Model) -> None:
     measured = speeds(true)
+    runs = BenchRuns([BenchRun(TIME_S, COMMAND_RPM, TIME_S[-1])])
 
-    def residual(model: Model) -> np.ndarray:
-        return speeds(model) - measured
+    def residuals_of(model: Model, laws: np.ndarray, effects: EffectNumbers) -> list[np.ndarray | None]:
+        motions = FreeWheels.of(model, laws, effects).motions(runs)
+        return [None if one is None else np.interp(TIME_S, *one[0]) - measured for one in motions]
 
     top_rpm = float(np.max(np.abs(measured)))
-    found = {tried: pi_drive(paper_model(), top_rpm, tried, residual) for tried in KINDS}
+    found = {tried: pi_drive(paper_model(), top_rpm, tried, residuals_of) for tried in KINDS}
     assert [model.wheel.windup for model in found.values()] == [0.0, 1.0, 0.0]
-    left = {tried: float(np.std(residual(model))) for tried, model in found.items()}
+    left = {tried: float(np.std(speeds(model) - measured)) for tried, model in found.items()}
     assert min(left, key=lambda tried: left[tried]) == kind
     assert left[kind] < 0.05 * float(np.std(measured))
     assert left[kind] < 0.5 * sorted(left.values())[1]
@@ -59,7 +62,7 @@ def test_of_three_kinds_of_drive_the_right_one_leaves_least(kind: Kind, true: Mo
 
 def test_a_drive_that_cannot_be_simulated_leaves_the_law_as_it_is() -> None:
     alone = paper_model()
-    assert pi_drive(alone, 100.0, "ramp", lambda _: None) is alone
+    assert pi_drive(alone, 100.0, "ramp", lambda _, laws, __: [None] * laws.shape[1]) is alone
 
 
 def test_the_law_of_a_pi_loop_has_a_gain_of_one() -> None:

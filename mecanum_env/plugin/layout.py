@@ -41,7 +41,7 @@ from mecanum_env.law.coefficients import COEFFICIENTS
 from mecanum_env.model import Model, Robot
 from mecanum_env.plugin import PLUGIN_NAME, register_if_mujoco_did_not
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
-from mecanum_env.wheel_drive.drive import RING, DriveParameters
+from mecanum_env.wheel_drive.drive import LIMITS, RING, DriveParameters
 from mecanum_env.wheel_drive.parameters import PROGRAMS, USER
 from mecanum_env.wheel_drive.program import PROGRAM_SIZE
 from mecanum_env.wheel_drive.set_point import map_numbers
@@ -125,14 +125,14 @@ def userdata(robot: Robot, drive: DriveParameters, torque_limit_n_m: float | Non
     values = {**vars(drive), **vars(drive.load)}
     values["gap_kind"] = float(GAP_KINDS.index(drive.load.gap_kind))
     values |= {name: _off(values[name], 1.0) for name in ("gain", "reverse_ratio")}
+    values |= {name: _off(values[name], math.inf) for name in LIMITS}
     values["supply_share"] = drive.supply_share
     values["rotor_kg_m2"] = rotor_inertia(robot, drive)
     if drive.knots_rpm:
         values |= map_numbers(drive.knots_rpm, drive.values_rpm)
-    values["servo_integral_n_m_rad"] = robot.servo_integral_n_m_rad
-    values["servo_windup"] = robot.servo_windup
+    values |= {"servo_integral_n_m_rad": robot.servo_integral_n_m_rad, "servo_windup": robot.servo_windup}
     values["torque_limit_n_m"] = np.minimum(limit, NO_TORQUE_LIMIT)
-    numbers = [_off(values.get(name, 0.0), math.inf) for name in USER] + _UNUSED
+    numbers = [values.get(name, 0.0) for name in USER] + _UNUSED
     programs = [getattr(drive, name) for name in PROGRAMS]
     if not any(any(program) for program in programs):
         return numbers

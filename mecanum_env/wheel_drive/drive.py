@@ -34,9 +34,10 @@ _NOT_NEGATIVE: Final = (
     *("command_quantum_rpm", "deadband_rpm", "subtracted_rpm", "drop_per_s", "warm_up_s", "softness_rpm"),
     *("brake_rpm_s", "drive_brake_rpm_s", "supply_s", "gain_per_volt", "supply_per_volt"),
 )
-_LIMITS: Final = (
+LIMITS: Final = (
     *("saturation_rpm", "acceleration_rpm_s", "jerk_rpm_s2", "drive_acceleration_rpm_s", "supply_rpm"),
 )
+"""Numbers of a drive that are infinite where there is no such limit."""
 
 
 def longest_delay_s(command_period_s: float, timestep_s: float = 0.0) -> float:
@@ -126,7 +127,7 @@ class DriveParameters:
         for name in _NOT_NEGATIVE:
             if not 0.0 <= getattr(self, name) < math.inf:
                 raise InputError(f"{name} = {getattr(self, name)}, must be finite and not below 0")
-        for name in _LIMITS:
+        for name in LIMITS:
             if not getattr(self, name) > 0.0:
                 raise InputError(f"{name} = {getattr(self, name)}, must be above 0 (infinite: no limit)")
         if not abs(self.warm_up_share) < 1.0:

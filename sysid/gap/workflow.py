@@ -37,6 +37,7 @@ from sysid.gap.search.checks import require_movement, require_valid
 from sysid.gap.search.custom import propose
 from sysid.gap.search.known_effects import is_meant, known_effects
 from sysid.gap.spending import budget_of, with_studies
+from sysid.gap.unshown import with_unshown
 from sysid.logs import Dataset, Run
 from sysid.logs.tails import weighted_down
 from sysid.progress import Progress, silent
@@ -116,7 +117,7 @@ def _analyse(
         decision = replace(found.decision, verdict=verdict, chosen=None, candidates=(), notes=notes)
         found = replace(found, decision=decision)
         report = _report(dataset, model, options, found, considered)
-    return report, found.best_model or model
+    return with_unshown(report), found.best_model or model
 
 
 def _report(

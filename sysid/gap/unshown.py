@@ -2,17 +2,22 @@
 
 A set is chosen as a whole, by what it explains. Beside an effect whose formula is not exact another one may
 describe what that leaves, with a size that the logs hardly tell. Where the interval of a size holds the value
-at which nothing changes, the set without that effect is a candidate, too.
+at which nothing changes, the set without that effect is a candidate, too. A set that leaves noise has exact
+formulas, for whose error the intervals allow: there they are no objection.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Final
 
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import Model
-from sysid.gap.result import FoundEffect, GapReport
+from sysid.gap.result import Difference, FoundEffect, GapReport
 from sysid.gap.wording import interval_text, unit_of
+
+_NOISE: Final = 2.0
+"""Error on test runs up to which a set leaves noise, in noise floors. Assumed."""
 
 
 def with_unshown(report: GapReport) -> GapReport:
@@ -20,7 +25,7 @@ def with_unshown(report: GapReport) -> GapReport:
 
     A set needs something to explain a gap: if all of its effects are such, it stays as it is.
     """
-    if report.verdict not in ("named", "ambiguous"):
+    if report.verdict not in ("named", "ambiguous") or _leaves_noise(report.gap):
         return report
     best = report.candidates[0]
     claimed = [effect for effect in report.effects if effect.cause in best]
@@ -32,6 +37,10 @@ def with_unshown(report: GapReport) -> GapReport:
     note = f"{why}: this includes no effect at all, so that the others alone are a candidate"
     candidates = tuple(dict.fromkeys((*report.candidates, rest)))
     return replace(report, verdict="ambiguous", candidates=candidates, notes=(*report.notes, note))
+
+
+def _leaves_noise(gap: Difference) -> bool:
+    return gap.noise_floor is not None and gap.after <= _NOISE * gap.noise_floor
 
 
 def _may_be_none(effect: FoundEffect, base: Model) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from mecanum_env.model import Model
-from sysid.gap.result import FoundEffect, GapReport, Interval
+from sysid.gap.result import Difference, FoundEffect, GapReport, Interval
 from sysid.gap.unshown import with_unshown
 from sysid.gap.workflow import analyse
 from tests.gap.conftest import MakeLogs
@@ -32,7 +32,8 @@ def named(base: Model, bench_logs: MakeLogs) -> GapReport:
     """Return a study that names two effects, which both have a size."""
     report = analyse(bench_logs(base.with_effect("speed_gain", gain=0.95)), base)
     effects = (friction(0.1), asymmetry(1.02))
-    return replace(report, verdict="named", effects=effects, candidates=(BEST,), notes=())
+    gap = Difference("rpm", before=20.0, after=3.0, noise_floor=1.0)
+    return replace(report, verdict="named", effects=effects, candidates=(BEST,), notes=(), gap=gap)
 
 
 def test_an_effect_whose_size_may_be_none_is_not_claimed(named: GapReport) -> None:
@@ -65,8 +66,9 @@ def test_no_limit_is_an_infinite_one(named: GapReport) -> None:
         {"effects": (friction(0.0), asymmetry(0.97))},
         {"candidates": (("coulomb_friction",),)},
         {"effects": (friction(0.1), asymmetry(1.02)), "candidates": (BEST, ("sensor_scale",))},
+        {"gap": Difference("rpm", before=20.0, after=1.1, noise_floor=1.0)},
     ],
-    ids=["nothing named", "nothing else to explain it", "there before", "all have a size"],
+    ids=["nothing named", "nothing else to explain it", "there before", "all have a size", "noise is left"],
 )
 def test_what_stays_as_it_is(named: GapReport, change: dict[str, Any]) -> None:
     report = replace(named, **{"effects": (friction(0.1), asymmetry(0.97)), **change})

@@ -36,6 +36,8 @@ from mecanum_env.wheel_drive.parameters import CHAIN, with_programs
 EffectNumbers: TypeAlias = Mapping[str, Mapping[str, FloatArray]]
 """Effect -> parameter -> values of several wheels, shape (m,)."""
 _INERTIA: Final = CHAIN.index("inertia_kg_m2")
+_BY_RUN: Final = [CHAIN.index(name) for name in ("gap_rad", "gain_per_volt", "supply_per_volt")]
+"""Numbers that have a drive depend on where its run starts, or on the supply then."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +97,7 @@ class FreeWheels:
         delays, gains and limits do. `timestep_s` is as for `FreeWheel.of`.
 
         Raises:
-            ValueError: an effect that changes something else, or a model with custom effects.
+            ValueError: an effect that changes something else or depends on the run, or custom effects.
         """
         if model.custom or not all(CATALOGUE[name].only_in_drive for name in effects):
             raise ValueError(f"{', '.join(effects)}: must all change nothing but the drive")
@@ -110,6 +112,10 @@ class FreeWheels:
         rows = np.empty((laws.shape[1], len(CHAIN)))
         for column, number in zip(rows.T, chain, strict=True):
             column[:] = number
+        if np.any(rows[:, _BY_RUN] > 0.0):
+            raise ValueError(
+                f"{', '.join(effects)}: must act in every run alike, without a gap or the voltage"
+            )
         rows = with_programs(rows)
         step = fitting_timestep(model, timestep_s)
         stable = np.all(stability_margins(laws[:3].T) > 0.0, axis=1)

@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 
 from mecanum_env.model import Model
-from sysid.gap.result import Difference, FoundEffect, GapReport, Interval
+from sysid.gap import unshown
+from sysid.gap.result import Difference, FoundEffect, GapOptions, GapReport, Interval
 from sysid.gap.unshown import with_unshown
 from sysid.gap.workflow import analyse
 from tests.gap.conftest import MakeLogs
@@ -73,3 +74,17 @@ def test_no_limit_is_an_infinite_one(named: GapReport) -> None:
 def test_what_stays_as_it_is(named: GapReport, change: dict[str, Any]) -> None:
     report = replace(named, **{"effects": (friction(0.1), asymmetry(0.97)), **change})
     assert with_unshown(report) == report
+
+
+def test_a_study_asks_for_the_size_of_each_effect(
+    base: Model, bench_logs: MakeLogs, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without the exemption of a set that leaves noise, a small asymmetry beside a ramp is not claimed."""
+    monkeypatch.setattr(unshown, "_NOISE", 0.0)
+    hidden = base.with_effect("acceleration_limit", limit_rpm_s=600.0).with_effect(
+        "direction_asymmetry", reverse_ratio=0.93
+    )
+    report = analyse(bench_logs(hidden), base, GapOptions(next_experiment=False))
+    assert report.verdict == "ambiguous"
+    assert ("acceleration_limit",) in report.candidates
+    assert any("direction_asymmetry (reverse_ratio" in note for note in report.notes)

@@ -205,6 +205,11 @@ def test_wheels_with_effects_beyond_the_drive_are_not_computed_at_once(paper, na
         FreeWheels.of(paper, np.zeros((6, 2)), {name: {}})
 
 
+def test_wheels_that_depend_on_their_run_are_not_computed_at_once(paper):
+    with pytest.raises(ValueError, match="must act in every run alike"):
+        FreeWheels.of(paper, np.zeros((6, 2)), {"battery_sag/voltage": {"per_volt": np.array([0.0, 0.1])}})
+
+
 def test_each_wheel_has_its_own_law(paper, slow_law):
     run = random_run(np.random.default_rng(0))
     own = replace(paper, wheels={"rr": slow_law})

@@ -3,13 +3,24 @@
 Test runs are whole command sequences that take no part in the search. A set of effects that explains the runs
 which decide, and has the model miss the others by more than before, describes the former and is not what
 happened. So the last word is theirs, and it can only be no.
+
+The size of a threshold is an exception. The runs which decide show only that it lies between two commands, and
+its estimate is the middle. If test runs refute that, the effect is stated at the end at which it does least:
+there it does no more than these runs have shown, and what test runs refute then is the effect itself.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
+
+from sysid.compare.search_space import EffectSet
+from sysid.gap.inquiry import Inquiry
 from sysid.gap.result import Difference, GapReport, Verdict
 from sysid.gap.search.chance import Floor
 from sysid.gap.search.rules import Facts, may_be_noise
+from sysid.gap.search.scores import interval_ends
 from sysid.gap.search.thresholds import THRESHOLDS
 from sysid.gap.wording import amount, set_name
 
@@ -54,3 +65,27 @@ def verdict_of_refuted(facts: Facts) -> Verdict:
     plain, is then what a right model leaves.
     """
     return "no_gap" if may_be_noise(facts) and not facts.is_plain else "unexplained"
+
+
+def at_least_thresholds(found: Inquiry) -> Inquiry | None:
+    """Return an inquiry with each threshold of the chosen set at the end of its interval where it does least.
+
+    The runs which decide show no difference. None if the set has no threshold between commands.
+    """
+    chosen = found.decision.chosen
+    if chosen is None or not any(chosen.fitted.candidate.stepwise):
+        return None
+    fitted = chosen.fitted
+    candidate: EffectSet = fitted.candidate
+    low, high = interval_ends(found.search.problem, fitted, found.decision.facts.inflation)
+    least = np.clip(candidate.start(), low, high)
+    place = np.where(candidate.stepwise, least, fitted.place)
+    names = set_name([one.effect for one in candidate.coordinates if one.stepwise])
+    note = (
+        f"{names}: unseen test runs refute a threshold in the middle of its interval, and bear the one at which "
+        "it does least, which is stated"
+    )
+    moved = replace(chosen, fitted=replace(fitted, place=place))
+    return replace(
+        found, decision=replace(found.decision, chosen=moved, notes=(*found.decision.notes, note))
+    )

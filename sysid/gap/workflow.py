@@ -18,7 +18,7 @@ from sysid.gap.design.next_experiment import design_next_experiment
 from sysid.gap.inquiry import Inquiry, inquire
 from sysid.gap.link_faults import as_given, with_link_fault
 from sysid.gap.only_in_test import only_in_test
-from sysid.gap.refuted import refuted, verdict_of_refuted
+from sysid.gap.refuted import at_least_thresholds, refuted, verdict_of_refuted
 from sysid.gap.report.beside_fit import gap_beside_fit
 from sysid.gap.report.held_out import (
     Channels,
@@ -111,7 +111,12 @@ def _analyse(
     found = inquire(dataset, model, options, considered, false_alarm, progress)
     progress("before and after")
     report = _report(dataset, model, options, found, considered)
-    if why := refuted(report, found.data.floor):
+    why = refuted(report, found.data.floor)
+    if why and (least := at_least_thresholds(found)) is not None:
+        cautious = _report(dataset, model, options, least, considered)
+        if not refuted(cautious, found.data.floor):
+            found, report, why = least, cautious, ""
+    if why:
         notes = (*found.decision.notes, why)
         verdict = verdict_of_refuted(found.decision.facts)
         decision = replace(found.decision, verdict=verdict, chosen=None, candidates=(), notes=notes)

@@ -11,7 +11,7 @@ noise     how much repeats differ
 tails     samples that count less: outliers, heavy tails, noise that grows with the speed; `tail_laws` has the
           laws of noise and the step of a sensor, `neighbours` what they are judged by
 bodies    robots on any number of omni wheels
-of_fit    the logs that a model was fitted to
+of_fit    the logs that a model was fitted to; `first_samples` tells at what speed a run starts
 writer    runs as files; `plots` draws them
 plan      what to record of a robot
 formats   logs of other programs

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from mecanum_env.model import Model
+from mecanum_env.simulator import replay_bench
 from sysid.gap.refuted import refuted, verdict_of_refuted
 from sysid.gap.result import Difference, GapReport, Verdict
 from sysid.gap.search.chance import Floor
 from sysid.gap.search.rules import Facts
 from sysid.gap.workflow import analyse
-from sysid.logs import Dataset
-from tests.gap.conftest import MakeLogs
+from sysid.logs import BenchCommand, Dataset, Run, Split
+from tests.gap.conftest import NOISE_RPM, MakeLogs
 
 UNKNOWN = Floor(1e4, trusted=True)
 """Nothing is known of the model's own error from other logs."""
@@ -97,6 +99,54 @@ def test_a_name_in_new_commands_must_remove_some_of_the_error_on_test_runs(found
 )
 def test_where_test_runs_need_not_confirm_a_name(found: GapReport, floor: Floor, noise: float | None) -> None:
     assert refuted(with_gap(found, 2.75, 2.74, noise), floor) == ""
+
+
+def steps_of(model: Model, levels: Sequence[float], split: Split, rng: np.random.Generator) -> list[Run]:
+    """Return two runs in which the wheel is driven half a second at each level, and back to rest."""
+    time = 0.01 * np.arange(100 * len(levels) + 1)
+    command = np.repeat([x for level in levels for x in (level, 0.0)], 50)
+    command = np.append(command, 0.0)
+    speed = replay_bench(model, time, command)
+    return [
+        Run(
+            f"{split}_{levels[0]:g}_{k}.csv",
+            f"{split}_{levels[0]:g}",
+            split,
+            time,
+            BenchCommand(command),
+            {"speed_rpm": speed + NOISE_RPM * rng.standard_normal(time.size)},
+        )
+        for k in range(2)
+    ]
+
+
+@pytest.fixture(scope="module")
+def threshold(base: Model) -> GapReport:
+    """Return a study of a dead band of 30 rpm between 28 and 38 rpm, of which test runs drive 32 rpm, too."""
+    dead, rng = base.with_effect("command_deadband", threshold_rpm=30.0), np.random.default_rng(0)
+    parts: tuple[tuple[tuple[float, ...], Split], ...] = (
+        ((28.0, 60.0, -28.0, 90.0), "fit"),
+        ((38.0, -20.0, 80.0, -38.0), "fit"),
+        ((20.0, 38.0, -90.0, 28.0), "fit"),
+        ((-60.0, 28.0, -38.0, 20.0), "validation"),
+        ((32.0, -20.0, -32.0, 90.0), "test"),
+    )
+    runs = [run for levels, split in parts for run in steps_of(dead, levels, split, rng)]
+    return analyse(Dataset("steps", tuple(runs), ()), base)
+
+
+def test_a_threshold_that_test_runs_refute_is_stated_where_it_does_least(threshold: GapReport) -> None:
+    assert threshold.verdict in ("named", "ambiguous")
+    assert threshold.candidates[0] == ("command_deadband",)
+    (effect,) = threshold.effects
+    assert effect.name == "command_deadband"
+    size = effect.parameters["threshold_rpm"]
+    assert 28.0 < size.value < 28.5
+    assert size.low <= size.value
+    assert 37.0 < size.high <= 38.0
+    assert threshold.gap.after <= threshold.gap.before
+    assert any("unseen test runs refute a threshold in the middle" in note for note in threshold.notes)
+    assert threshold.model.effects["command_deadband"]["threshold_rpm"] == size.value
 
 
 @pytest.mark.parametrize(

@@ -12,13 +12,13 @@ from mecanum_env.kinematics import POSE
 from mecanum_env.statistics import MEDIAN_OF_NORMAL
 from mecanum_env.units import FloatArray
 from sysid.logs import Run
+from sysid.logs.first_samples import speed_at_start
 from sysid.logs.runs import REST
 
 _FIRST_S: Final = 0.05
 """The samples of this first time [s], or the first three, show how a run starts."""
 _LATE: Final = 3.5
 """Sampling intervals after which a sample no longer shows how a run starts, if earlier cells are empty."""
-_CLEAR: Final = 4.0  # standard deviations of the first samples' mean above which it is taken for motion
 _TOO_FEW: Final = 20  # samples to measure a channel's noise
 
 
@@ -38,22 +38,17 @@ class Start:
 
 def start_of(run: Run) -> Start:
     """Return how a run starts: at rest, unless its first samples significantly differ from that."""
-    first = {name: _first_mean(run, name) for name in run.channels}
-    moving = any(
-        abs(first[name]) > max(rest, _CLEAR * _noise(run, name))
+    speeds = {
+        name: speed_at_start(_first(run, name), _noise(run, name), rest)
         for name, rest in REST.items()
-        if name in first
-    )
+        if name in run.channels
+    }
     if run.level == "bench":
-        return Start(initial_rpm=first.get("speed_rpm", 0.0) if moving else 0.0)
+        return Start(initial_rpm=speeds.get("speed_rpm", 0.0))
     # A sensor may be biased, so a robot moves only if it has a command.
-    moving = moving and bool(np.any(run.command.wheels_rpm[0] != 0.0))
-    return Start(0.0, moving, *(first.get(name, 0.0) for name in POSE))
-
-
-def _first_mean(run: Run, name: str) -> float:
-    first = _first(run, name)
-    return float(np.mean(first)) if first.size else 0.0
+    moving = any(speeds.values()) and bool(np.any(run.command.wheels_rpm[0] != 0.0))
+    pose = (float(np.mean(_first(run, name))) if name in run.channels else 0.0 for name in POSE)
+    return Start(0.0, moving, *pose)
 
 
 def _first(run: Run, name: str) -> FloatArray:
@@ -68,10 +63,9 @@ def _first(run: Run, name: str) -> FloatArray:
 
 
 def _noise(run: Run, name: str) -> float:
-    """Return the standard deviation of the first samples' mean, by second differences of the channel."""
+    """Return the standard deviation of a sample, by second differences of the channel."""
     values = run.channels[name][run.finite(name)]
     if values.size < _TOO_FEW:
         return 0.0
     # The median ignores motion; second differences have 1 + 4 + 1 variances.
-    size = MEDIAN_OF_NORMAL * math.sqrt(6.0 * max(1, _first(run, name).size))
-    return float(np.median(np.abs(np.diff(values, 2)))) / size
+    return float(np.median(np.abs(np.diff(values, 2)))) / (MEDIAN_OF_NORMAL * math.sqrt(6.0))

@@ -20,9 +20,9 @@ from sysid.fit.drive.command_path import CommandPath
 from sysid.fit.estimators import WheelRun
 from sysid.fit.statistics import Runs
 from sysid.logs import BenchCommand, BodyCommand, Dataset, Run
+from sysid.logs.first_samples import speed_at_start
 from sysid.logs.runs import SPLITS
 
-_AT_REST_SIGMAS: Final = 4.0
 _START_TICKS: Final = 1.0  # samples up to this tick show no response yet: the law responds one tick later
 
 
@@ -71,7 +71,7 @@ def wheel_run(run: Run, wheel: str, path: CommandPath, sigma_rpm: float) -> Whee
     command = _wheel_commands(run, path)[wheel]
     drive = _drive(path)
     since = run.held_since(drive.command_period_s)
-    initial = _initial_speed(ticks, speed[finite], sigma_rpm)
+    initial = speed_at_start(speed[finite][ticks <= _START_TICKS], sigma_rpm)
 
     @lru_cache(maxsize=2)
     def latched(ceiling_rpm: float) -> LatchedLog:
@@ -130,15 +130,6 @@ def _drive(path: CommandPath) -> DriveParameters:
     pass_through = WheelLaw(0.0, 0.0, 0.0, 1.0, 0.0, 0.0, path.sample_period_s)
     # The quantum is 0, because commands are rounded before the kinematics, as on the robot.
     return DriveParameters(pass_through, period, 0.0, path.saturation_rpm)
-
-
-def _initial_speed(ticks: FloatArray, speed_rpm: FloatArray, sigma_rpm: float) -> float:
-    """Return the speed [rpm] before the first command, 0 unless the first samples significantly differ."""
-    first = speed_rpm[ticks <= _START_TICKS]
-    if first.size == 0:
-        return 0.0
-    mean = float(np.mean(first))
-    return mean if abs(mean) > _AT_REST_SIGMAS * sigma_rpm / math.sqrt(first.size) else 0.0
 
 
 def pooled(wheels: Mapping[str, Sequence[WheelRun]]) -> list[WheelRun]:

@@ -4,9 +4,9 @@ Test runs are whole command sequences that take no part in the search. A set of 
 which decide, and has the model miss the others by more than before, describes the former and is not what
 happened. So the last word is theirs, and it can only be no.
 
-The size of a threshold is an exception. The runs which decide show only that it lies between two commands, and
-its estimate is the middle. If test runs refute that, the effect is stated at the end at which it does least:
-there it does no more than these runs have shown, and what test runs refute then is the effect itself.
+The size of a threshold is an exception. The runs which decide show only that it lies between two commands,
+and its estimate is the middle. If test runs refute that, the effect is stated at the end at which it does
+least: there it does no more than these runs have shown, and what test runs refute then is the effect itself.
 """
 
 from __future__ import annotations
@@ -82,10 +82,8 @@ def at_least_thresholds(found: Inquiry) -> Inquiry | None:
     place = np.where(candidate.stepwise, least, fitted.place)
     names = set_name([one.effect for one in candidate.coordinates if one.stepwise])
     note = (
-        f"{names}: unseen test runs refute a threshold in the middle of its interval, and bear the one at which "
-        "it does least, which is stated"
+        f"{names}: unseen test runs refute a threshold in the middle of its interval, and bear the one at "
+        "which it does least, which is stated"
     )
     moved = replace(chosen, fitted=replace(fitted, place=place))
-    return replace(
-        found, decision=replace(found.decision, chosen=moved, notes=(*found.decision.notes, note))
-    )
+    return replace(found, decision=replace(found.decision, chosen=moved, notes=(*found.decision.notes, note)))

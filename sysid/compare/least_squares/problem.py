@@ -32,6 +32,7 @@ from sysid.compare.model_error import (
     Whitener,
     plausible_models,
     shape_columns,
+    step_error,
 )
 from sysid.compare.predicted import (
     MIDDLE,
@@ -68,11 +69,12 @@ class ResidualProblem:
     """Residuals of models on some observations.
 
     On rollers it also has a surrogate: the planar plant, which takes a tenth of the time and is smooth. The
-    error and the parameter uncertainty that the `base` model states are marginalised. The `scale` of the
-    settings is replaced by that of the model and the runs. The `simulators` of another problem of the same
-    observations and settings remember what they have simulated. With what was `learned` from the logs of the
-    base model's fit, predictions are corrected by its mean, and its covariance is what is marginalised. Both
-    are taken where the model `at` moves the robot, by default the base model.
+    error and the parameter uncertainty that the `base` model states are marginalised, as is the error of the
+    planar plant's physics step. The `scale` of the settings is replaced by that of the model and the runs.
+    The `simulators` of another problem of the same observations and settings remember what they simulated.
+    With what was `learned` from the logs of the base model's fit, predictions are corrected by its mean, and
+    its covariance is what is marginalised. Both are taken where the model `at` moves the robot, by default
+    the base model.
     """
 
     def __init__(
@@ -369,4 +371,9 @@ class ResidualProblem:
         columns = [c for c in self.settings.map(column, plausible_models(self.base)) if c is not None]
         shapes = shape_columns(self.base, self.whitener.error, self.observations)
         columns += [self.whitener.whiten(parts) for parts in shapes]
+        try:
+            step = step_error(self.base, self.observations, self.settings)
+        except _UNUSABLE:
+            step = None
+        columns += [] if step is None else [self.whitener.whiten(step)]
         return np.stack(columns, axis=1) if columns else np.zeros((self.size, 0))

@@ -4,7 +4,8 @@ A pose drifts: one error of heading shows in everything after it. Poses are ther
 displacement in each window, in the frame of the robot at its start. Wheel speeds and velocities are compared
 sample by sample. Values that a slow sensor repeats are left out, since they are no new measurements. A
 channel that copies another (two wheels on one sensor) is kept, or else nothing would constrain that wheel of
-the model.
+the model. Where a run begins in motion nobody knows what was commanded before, and its first moments are left
+out.
 """
 
 from __future__ import annotations
@@ -25,6 +26,9 @@ from sysid.logs.runs import UNITS
 
 WINDOW_S: Final = 0.4
 """Length of the windows in which displacements are compared [s]."""
+UNKNOWN_S: Final = 0.3
+"""Time [s] in which a run that begins in motion may still show what was commanded before: it is taken to have
+been steady, and may have been accelerating. Assumed: three time constants of a drive of 0.1 s."""
 EDGE_S: Final = 0.05
 """The pose at a window's edge is the mean of the samples within this time [s]."""
 MOST_SAMPLES: Final = 600
@@ -147,8 +151,9 @@ def observe(dataset: Dataset) -> Observations:
         situations.append(Situation(tuple(runs), start_of(runs[0])))
         for name in UNITS:
             with_it = [run for run in runs if name in run.channels and name != "battery_v"]
-            parts = [_masked(run, name, (run.file, name) in held) for run in with_it]
-            block = _block(index, name, with_it, parts) if with_it else None
+            known_s = UNKNOWN_S if situations[index].start.in_motion else 0.0
+            parts = [_masked(run, name, (run.file, name) in held, known_s) for run in with_it]
+            block = _block(index, name, with_it, parts, known_s) if with_it else None
             if block is not None:
                 blocks.append(block)
     if not blocks:
@@ -163,18 +168,23 @@ def _key(run: Run) -> tuple[object, ...]:
     return (run.split, run.group, rounded, run.time_s.tobytes(), run.command.wheels_rpm.tobytes())
 
 
-def _masked(run: Run, name: str, held: bool) -> FloatArray:
-    """Return a channel; with the values that a slow sensor repeats as NaN where such are `held`."""
+def _masked(run: Run, name: str, held: bool, known_s: float) -> FloatArray:
+    """Return a channel, NaN before `known_s`, and for what a slow sensor repeats if that is `held`."""
     values = np.array(run.channels[name])
     if held:
         values[1:][values[1:] == run.channels[name][:-1]] = np.nan
+    values[run.time_s < known_s] = np.nan
     return values
 
 
-def _block(situation: int, name: str, runs: Sequence[Run], parts: Sequence[FloatArray]) -> Block | None:
+def _block(
+    situation: int, name: str, runs: Sequence[Run], parts: Sequence[FloatArray], known_s: float
+) -> Block | None:
+    """Return a channel of a situation from its `parts`, (n,) each, or a pose in windows from `known_s` on."""
     if name in POSE:
         found = [displacements(run.time_s, run.channels)[name] for run in runs]
         time, values = found[0][0], np.array([displacement for _, displacement in found])
+        values[:, time - 0.5 * WINDOW_S < known_s - 1e-9] = np.nan
     else:
         time, values = runs[0].time_s, np.array(parts)
     present = np.isfinite(values)

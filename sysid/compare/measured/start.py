@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from mecanum_env.kinematics import POSE
+from mecanum_env.kinematics import POSE, WHEEL_SPEEDS
 from mecanum_env.statistics import MEDIAN_OF_NORMAL
 from mecanum_env.units import FloatArray
 from sysid.logs import Run
@@ -19,6 +19,7 @@ _FIRST_S: Final = 0.05
 """The samples of this first time [s], or the first three, show how a run starts."""
 _LATE: Final = 3.5
 """Sampling intervals after which a sample no longer shows how a run starts, if earlier cells are empty."""
+_LINE: Final = 3  # samples through which a line is drawn
 _TOO_FEW: Final = 20  # samples to measure a channel's noise
 
 
@@ -34,6 +35,14 @@ class Start:
     y_m: float = 0.0
     yaw_rad: float = 0.0
     """Robot: its pose in the world [m, m, rad]."""
+    wheels_rpm: tuple[float, ...] = ()
+    """Robot: the speeds of its wheels where it is already driving and all are measured, in whole rpm, so that
+    repeats start alike."""
+
+    @property
+    def in_motion(self) -> bool:
+        """Whether a wheel turns or a robot drives before the first command."""
+        return self.moving or self.initial_rpm != 0.0
 
 
 def start_of(run: Run) -> Start:
@@ -46,9 +55,24 @@ def start_of(run: Run) -> Start:
     if run.level == "bench":
         return Start(initial_rpm=speeds.get("speed_rpm", 0.0))
     # A sensor may be biased, so a robot moves only if it has a command.
-    moving = any(speeds.values()) and bool(np.any(run.command.wheels_rpm[0] != 0.0))
-    pose = (float(np.mean(_first(run, name))) if name in run.channels else 0.0 for name in POSE)
-    return Start(0.0, moving, *pose)
+    commanded = bool(np.any(run.command.wheels_rpm[0] != 0.0))
+    x, y, yaw = (_pose_at_start(run, name, commanded) if name in run.channels else 0.0 for name in POSE)
+    moving = commanded and any(speeds.values())
+    known = moving and all(name in speeds for name in WHEEL_SPEEDS)
+    wheels = tuple(float(round(speeds[name])) for name in WHEEL_SPEEDS) if known else ()
+    return Start(0.0, moving, x, y, yaw, wheels)
+
+
+def _pose_at_start(run: Run, name: str, commanded: bool) -> float:
+    """Return a coordinate of the pose in the first row, from the first samples, of which there is one.
+
+    A robot that is `commanded` then moves between them: a line through them tells where it was.
+    """
+    values = _first(run, name)
+    if values.size < _LINE or not commanded:
+        return float(np.mean(values))
+    time = run.time_s[run.finite(name)][: values.size] - run.time_s[0]
+    return float(np.polynomial.polynomial.polyfit(time, values, 1)[0])
 
 
 def _first(run: Run, name: str) -> FloatArray:

@@ -10,6 +10,7 @@ from sysid.compare.model_error.repeated import RepeatedCommands, repeated_comman
 from sysid.compare.model_error.same_commands import with_same_commands
 from sysid.compare.model_error.shape import ShapeBasis
 from sysid.compare.model_error.size import ModelError, estimate_model_error, model_error_of
+from sysid.compare.model_error.step_error import step_error
 from sysid.compare.model_error.whitening import Whitener
 
 __all__ = [
@@ -28,6 +29,7 @@ __all__ = [
     "plausible_models",
     "repeated_commands",
     "shape_columns",
+    "step_error",
     "with_adopted",
     "with_own_error",
     "with_same_commands",

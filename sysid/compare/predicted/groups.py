@@ -83,7 +83,7 @@ def _motion_key(
     `by_voltage`: the supply's voltage is. `by_heading`: so is where the robot heads when it starts.
     """
     run, start = situation.runs[0], situation.start
-    began = (start.initial_rpm, start.moving, start.yaw_rad if by_heading else 0.0)
+    began = (start.initial_rpm, start.moving, start.wheels_rpm, start.yaw_rad if by_heading else 0.0)
     rows = run.command_rows()
     since = run.held_since(command_period_s)[rows]
     commands = [values[rows].tobytes() for values in run.command.columns().values()]

@@ -93,7 +93,7 @@ def _motions_of(
         heading = 0.0 if local is model else start.yaw_rad
         columns = (run.time_s, *run.command.columns().values())
         voltage = run.file if by_voltage and supply_of(run) else ""
-        key = heading, start.moving, voltage, *(values.tobytes() for values in columns)
+        key = heading, start.moving, start.wheels_rpm, voltage, *(values.tobytes() for values in columns)
         if key not in motions:
             if heading not in robots:
                 robots[heading] = CompiledRobot(local, settings)

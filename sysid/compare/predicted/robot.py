@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Final
 
@@ -12,6 +13,7 @@ import numpy as np
 from mecanum_env.batch.runs import PlanarDrives, PlanarPath
 from mecanum_env.effects.apply import drive_parameters
 from mecanum_env.errors import EffectRefusedError
+from mecanum_env.kinematics import wheels_to_body
 from mecanum_env.mjcf.physics import SIMULATION_TIMESTEP_S
 from mecanum_env.model import Model
 from mecanum_env.simulator import (
@@ -33,7 +35,7 @@ from sysid.compare.predicted.settings import SimulationSettings
 from sysid.logs import BodyCommand, Run
 
 _LEAD_S: Final = 1.5
-"""Time for which a robot that moves when its log starts is assumed to have had its first command [s]."""
+"""Time for which a robot that moves when its log starts is assumed to have driven as it does then [s]."""
 
 _Drive = Callable[[Commands, float, Supply | None, tuple[float, ...]], Trajectory | PlanarPath]
 """Commands, duration [s], supply, and the angles at which the wheels start [rad], 0 if none -> motion."""
@@ -69,13 +71,17 @@ class CompiledRobot:
         lead = _LEAD_S if start.moving else 0.0
         supply = supply_of(run)
         path = self._drive(
-            commands_of(run, self._model.wheel.command_period_s, lead),
+            commands_of(run, self._model.wheel.command_period_s, lead, self._asked_before(start)),
             run.duration_s + lead,
             supply.later(lead) if supply is not None and self._follows_voltage else None,
             wheel_angles_rad,
         )
         columns = (*path.wheels_rpm.T, *path.twist.T, *path.pose.T)
         return Motion(path.time_s, dict(zip(CHANNELS, columns, strict=True)), lead)
+
+    def _asked_before(self, start: Start) -> tuple[float, ...]:
+        """Return the wheel commands [rpm] that would have led to how a robot drives when a run starts."""
+        return tuple(speed / self._model.wheel.law.dc_gain for speed in start.wheels_rpm)
 
 
 def _planar(model: Model, settings: SimulationSettings) -> _Drive:
@@ -117,10 +123,13 @@ def supply_of(run: Run) -> Supply | None:
     return Supply.logged(run.time_s, run.channels.get("battery_v"), run.full_v)
 
 
-def commands_of(run: Run, command_period_s: float, lead_s: float = 0.0) -> Commands:
+def commands_of(
+    run: Run, command_period_s: float, lead_s: float = 0.0, before_rpm: Sequence[float] = ()
+) -> Commands:
     """Return a robot log's commands, without rows that repeat, held as by `Run.held_since`.
 
-    When the run starts, the first command has been held for `lead_s` [s].
+    When the run starts, wheel commands (4,) `before_rpm` have been held for `lead_s` [s]; where these are not
+    known, it was the first command.
     """
     command = run.command
     rows = command.wheels_rpm
@@ -128,5 +137,11 @@ def commands_of(run: Run, command_period_s: float, lead_s: float = 0.0) -> Comma
         rows = np.stack([command.v_rpm, command.theta_deg, command.vc_rpm], axis=1)
     keep = np.concatenate([[True], np.any(rows[1:] != rows[:-1], axis=1)])
     time, rows = run.held_since(command_period_s)[keep] + lead_s, rows[keep]
+    if len(before_rpm) and lead_s > 0.0:
+        before = np.array(before_rpm)
+        if isinstance(command, BodyCommand):
+            forward, left, turn = wheels_to_body(before)
+            before = np.array([math.hypot(forward, left), math.degrees(math.atan2(left, forward)), turn])
+        time, rows = np.insert(time, 0, 0.0), np.insert(rows, 0, before, axis=0)
     time[0] = 0.0
     return BodyCommands(time, *rows.T) if isinstance(command, BodyCommand) else WheelCommands(time, rows)

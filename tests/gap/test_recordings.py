@@ -1,0 +1,130 @@
+"""However logs are recorded, a right model has no gap, and a gain of the drives that is 5 % less is found."""
+
+from __future__ import annotations
+
+from typing import Literal, TypeAlias
+
+import numpy as np
+import pytest
+
+from mecanum_env.model import Model, paper_model
+from mecanum_env.simulator import BodyCommands, drive, replay_bench
+from mecanum_env.units import FloatArray
+from sysid.gap.result import GapOptions, GapReport
+from sysid.gap.workflow import analyse
+from sysid.logs import BenchCommand, BodyCommand, Dataset, Run, Split
+
+MODEL = paper_model()
+SLOWER = MODEL.with_effect("speed_gain", gain=0.95)
+SPLITS: tuple[Split, ...] = ("fit", "fit", "validation", "fit", "test")
+Beginning: TypeAlias = Literal["at rest", "with a step", "in motion"]
+_CUT_S = 0.9  # of a recording that begins in motion
+
+
+def held(rng: np.random.Generator, most: int) -> FloatArray:
+    """Return six levels from -most to most, each held for 0.3 to 0.8 s, one value every 0.1 s, and rest."""
+    levels = rng.integers(-most, most + 1, 6).astype(float)
+    return np.append(np.repeat(levels, rng.integers(3, 9, 6)), np.zeros(5))
+
+
+def begun(values: FloatArray, beginning: Beginning) -> FloatArray:
+    """Return commands after 0.3 s of rest, unless they begin with a step."""
+    return np.concatenate([np.zeros((3, *values.shape[1:])), values]) if beginning == "at rest" else values
+
+
+def bench_logs(model: Model, beginning: Beginning, interval_s: float, rows_late_s: float) -> Dataset:
+    """Return what a model does on the bench, two noisy runs of each command sequence.
+
+    Rows come every `interval_s`, each late by up to `rows_late_s`.
+    """
+    rng, runs = np.random.default_rng(3), []
+    for i, split in enumerate(SPLITS):
+        sent = begun(held(rng, 120), beginning)
+        fine = 0.001 * np.arange(100 * sent.size)
+        time = np.arange(0.0, fine[-1], interval_s)
+        time[1:] += rng.uniform(0.0, rows_late_s, time.size - 1)
+        command = sent[np.floor(10.0 * fine + 1e-6).astype(int)]
+        speed = replay_bench(model, fine, command, sample_times_s=time)
+        shown = sent[np.floor(10.0 * time + 1e-6).astype(int)]
+        kept = time >= (_CUT_S if beginning == "in motion" else 0.0)
+        for k in range(2):
+            measured = speed[kept] + 0.5 * rng.standard_normal(int(kept.sum()))
+            stamps = time[kept] - time[kept][0]
+            log = BenchCommand(shown[kept])
+            runs.append(Run(f"{i}_{k}.csv", f"{i}", split, stamps, log, {"speed_rpm": measured}))
+    return Dataset("bench", tuple(runs), ())
+
+
+@pytest.mark.parametrize(
+    ("beginning", "interval_s", "rows_late_s"),
+    [
+        ("at rest", 0.01, 0.0),
+        ("with a step", 0.01, 0.0),
+        ("in motion", 0.01, 0.0),
+        ("with a step", 0.1, 0.0),
+        ("with a step", 0.03, 0.0),
+        ("at rest", 0.01, 0.004),
+    ],
+)
+def test_a_wheel(beginning: Beginning, interval_s: float, rows_late_s: float) -> None:
+    options = GapOptions(next_experiment=False)
+    quiet = analyse(bench_logs(MODEL, beginning, interval_s, rows_late_s), MODEL, options)
+    assert quiet.verdict == "no_gap"
+    found = analyse(bench_logs(SLOWER, beginning, interval_s, rows_late_s), MODEL, options)
+    assert ("speed_gain",) in found.candidates
+    assert found.gap.after < 1.1 * quiet.gap.after
+
+
+NOISE = {
+    "_rpm": 0.5,
+    "x_m_s": 0.005,
+    "y_m_s": 0.005,
+    "rad_s": 0.01,
+    "x_m": 0.002,
+    "y_m": 0.002,
+    "_rad": 0.002,
+}
+"""End of a channel's name -> standard deviation of its noise."""
+
+
+def robot_logs(model: Model, beginning: Beginning) -> Dataset:
+    """Return what a model does on the planar plant with a shorter physics step than that of a study."""
+    rng, runs = np.random.default_rng(1), []
+    for i, split in enumerate(SPLITS):
+        v, vc = np.abs(held(rng, 110)), held(rng, 40)
+        size = min(v.size, vc.size)
+        theta = np.repeat(rng.integers(-180, 180, size), 4)[:size].astype(float)
+        rows = begun(np.stack([v[:size], theta, vc[:size]], axis=1), beginning)
+        commands = BodyCommands(0.1 * np.arange(len(rows)), *rows.T)
+        path = drive(model, commands, 0.1 * len(rows), plant="planar", timestep_s=1 / 1000)
+        time = np.arange(_CUT_S if beginning == "in motion" else 0.0, 0.1 * len(rows) - 0.02, 0.02)
+        shown = commands.at(time)
+        for k in range(2):
+            channels = {
+                name: values + next(s for end, s in NOISE.items() if name.endswith(end)) * noise
+                for name, values in path.channels_at(time).items()
+                for noise in [rng.standard_normal(time.size)]
+            }
+            runs.append(Run(f"{i}_{k}.csv", f"{i}", split, time - time[0], BodyCommand(*shown.T), channels))
+    return Dataset("robot", tuple(runs), ())
+
+
+def robot_study(model: Model, beginning: Beginning) -> GapReport:
+    looked_for = ("speed_gain", "payload", "com_offset", "wheel_radius", "sensor_latency", "coulomb_friction")
+    options = GapOptions(only=looked_for, plant="planar", next_experiment=False)
+    return analyse(robot_logs(model, beginning), MODEL, options)
+
+
+@pytest.mark.parametrize("beginning", ["at rest", "with a step", "in motion"])
+def test_a_robot(beginning: Beginning) -> None:
+    quiet = robot_study(MODEL, beginning)
+    assert quiet.verdict == "no_gap"
+    found = robot_study(SLOWER, beginning)
+    assert (found.verdict, found.candidates) == ("named", (("speed_gain",),))
+
+
+def test_a_load_of_a_fifth_is_named_on_logs_that_begin_with_a_step() -> None:
+    found = robot_study(MODEL.with_effect("payload", mass_kg=4.0), "with a step")
+    assert (found.verdict, found.candidates) == ("named", (("payload",),))
+    mass = found.effects[0].parameters["mass_kg"]
+    assert mass.low < 4.0 < mass.high

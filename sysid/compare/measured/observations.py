@@ -4,8 +4,8 @@ A pose drifts: one error of heading shows in everything after it. Poses are ther
 displacement in each window, in the frame of the robot at its start. Wheel speeds and velocities are compared
 sample by sample. Values that a slow sensor repeats are left out, since they are no new measurements. A
 channel that copies another (two wheels on one sensor) is kept, or else nothing would constrain that wheel of
-the model. Where a run begins in motion nobody knows what was commanded before, and its first moments are left
-out.
+the model. Where a robot is driving when its log begins, nobody knows what was commanded before, and the first
+moments are left out.
 """
 
 from __future__ import annotations
@@ -27,8 +27,9 @@ from sysid.logs.runs import UNITS
 WINDOW_S: Final = 0.4
 """Length of the windows in which displacements are compared [s]."""
 UNKNOWN_S: Final = 0.3
-"""Time [s] in which a run that begins in motion may still show what was commanded before: it is taken to have
-been steady, and may have been accelerating. Assumed: three time constants of a drive of 0.1 s."""
+"""Time [s] in which a robot that is driving when its log begins may still show what was commanded before: it
+is taken to have been steady, and may have been accelerating. Assumed: three time constants of a drive of
+0.1 s."""
 EDGE_S: Final = 0.05
 """The pose at a window's edge is the mean of the samples within this time [s]."""
 MOST_SAMPLES: Final = 600
@@ -151,7 +152,7 @@ def observe(dataset: Dataset) -> Observations:
         situations.append(Situation(tuple(runs), start_of(runs[0])))
         for name in UNITS:
             with_it = [run for run in runs if name in run.channels and name != "battery_v"]
-            known_s = UNKNOWN_S if situations[index].start.in_motion else 0.0
+            known_s = UNKNOWN_S if situations[index].start.moving else 0.0
             parts = [_masked(run, name, (run.file, name) in held, known_s) for run in with_it]
             block = _block(index, name, with_it, parts, known_s) if with_it else None
             if block is not None:

@@ -39,11 +39,6 @@ class Start:
     """Robot: the speeds of its wheels where it is already driving and all are measured, in whole rpm, so that
     repeats start alike."""
 
-    @property
-    def in_motion(self) -> bool:
-        """Whether a wheel turns or a robot drives before the first command."""
-        return self.moving or self.initial_rpm != 0.0
-
 
 def start_of(run: Run) -> Start:
     """Return how a run starts: at rest, unless its first samples significantly differ from that."""

@@ -85,7 +85,7 @@ class Trial:
         base: the model under study, whose own error counts.
         rows: the sequence, as `sysid.gap.design.sequences` defines it.
         conditions: how it will be recorded.
-        coarse: simulate the robot with twice the physics step, in half the time.
+        coarse: simulate a robot on rollers with twice the physics step, in half the time.
     """
 
     def __init__(
@@ -93,7 +93,8 @@ class Trial:
     ) -> None:
         self.base, self.conditions = base, conditions
         self._settings = conditions.settings
-        if coarse and conditions.level == "robot" and self._settings.timestep_s is None:
+        slow = conditions.level == "robot" and self._settings.plant == "rollers"
+        if coarse and slow and self._settings.timestep_s is None:
             self._settings = replace(self._settings, timestep_s=TRAINING_TIMESTEP_S)
         step = max(conditions.interval_s, _FINEST_S)
         samples = round(len(rows) * conditions.limits.period_s / step)

@@ -49,7 +49,7 @@ def with_phase(model: Model, effect: str, phase_deg: float) -> Model:
 @pytest.mark.parametrize(
     ("effect", "values", "within"),
     [
-        # A phase acts to first order alone, which overestimates a ripple that swings the wheel as much as this.
+        # A phase acts to first order alone, and overestimates a ripple that swings the wheel this much.
         ("torque_ripple", {"per_turn": 7.0, "torque_n_m": 0.8}, 0.12),
         ("torque_ripple", {"per_turn": 12.0, "share": 0.03}, 0.1),
         ("encoder_eccentricity", {"per_turn": 2.0, "share": 0.03}, 0.1),

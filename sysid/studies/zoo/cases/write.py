@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from sysid.studies.zoo.cases.beginning import as_recorded
 from sysid.studies.zoo.cases.bench import draw as bench_draw
 from sysid.studies.zoo.cases.bench.plans import Commands
 from sysid.studies.zoo.cases.case import Case, Driven
@@ -43,11 +44,12 @@ def write_bench_case(seed: int, folder: Path, driven: Driven = "other") -> Case:
     `driven` says which commands the case's logs drive.
     """
     case, nominal, changed = bench_draw.draw_bench_case(seed, driven)
-    commands, layout = bench_draw.fit_commands(seed, nominal), bench_draw.layout_of(case)
+    commands = as_recorded(seed, bench_draw.fit_commands(seed, nominal))
+    layout = bench_draw.layout_of(case)
     _write_bench_study(
         folder / "nominal", nominal, commands, STANDARD, (seed, bench_draw.NOISE, 0), _BENCH_SPLITS
     )
-    commands = bench_draw.case_commands(case, nominal)
+    commands = as_recorded(seed, bench_draw.case_commands(case, nominal))
     _write_bench_study(folder / "logs", changed, commands, layout, (seed, bench_draw.NOISE, 1), ())
     return case
 
@@ -74,7 +76,7 @@ def write_robot_nominal(seed: int, robot: Robot, folder: Path) -> None:
 
     `seed` draws commands, starts, noise and the errors of the ruler.
     """
-    rows = robot_draw.fit_commands(seed, robot)
+    rows = as_recorded(seed, robot_draw.fit_commands(seed, robot))
     stream = [seed, robot_draw.RUNS, 0]
     _write_robot_study(folder / "nominal", robot, rows, robot_draw.FITTED.repeats, stream, _ROBOT_SPLITS)
     ruler = known(robot, np.random.default_rng([seed, robot_draw.RULER]))
@@ -89,7 +91,8 @@ def write_robot_logs(
     The `robot` drives each sequence of `commands`, (m, 3), so many times (`repeats`); `seed` draws starts
     and noise.
     """
-    _write_robot_study(folder, robot, commands, repeats, [seed, robot_draw.RUNS, 1], ())
+    recorded = as_recorded(seed, commands)
+    _write_robot_study(folder, robot, recorded, repeats, [seed, robot_draw.RUNS, 1], ())
 
 
 def _write_bench_study(

@@ -18,7 +18,8 @@ Commands = NDArray[np.float64]
 def plan(name: str, top_rpm: float, seconds: float, period_s: float, rng: np.random.Generator) -> Commands:
     """Return the commands of one run of a plan [rpm], whole numbers of at most `top_rpm` in size, (m,).
 
-    Every run begins with one or two zeros, because it starts at rest.
+    Every run begins with one or two zeros; of recordings that begin with a step they are cut off later
+    (`sysid.studies.zoo.cases.beginning`).
 
     Raises:
         KeyError: `name` is none of `PLANS`.

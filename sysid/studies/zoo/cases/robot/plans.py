@@ -19,7 +19,8 @@ FloatArray = npt.NDArray[np.float64]
 
 RUN_S = 4.5
 _REST_S = 0.3
-"""A run begins with zeros this long, so that the logs show where rest is."""
+"""A run begins with zeros this long, so that the logs show where rest is, unless it is recorded without them
+(`sysid.studies.zoo.cases.beginning`)."""
 _SHARE_OF_TOP = 0.92
 """Of the top speed or the ceiling: commands stay below both, so that a lower ceiling is a change."""
 

@@ -20,7 +20,7 @@ def begins_with_step(seed: int) -> bool:
 
 
 def as_recorded(seed: int, commands: Sequence[FloatArray]) -> list[FloatArray]:
-    """Return command sequences, (m,) or (m, 3) each, without the rest before the first command if so drawn."""
+    """Return command sequences, (m,) or (m, 3) each, without the rest at their begin if so drawn."""
     if not begins_with_step(seed):
         return list(commands)
     return [_without_rest(sequence) for sequence in commands]

@@ -87,8 +87,11 @@ NOISE = {
 """End of a channel's name -> standard deviation of its noise."""
 
 
-def robot_logs(model: Model, beginning: Beginning) -> Dataset:
-    """Return what a model does on the planar plant with a shorter physics step than that of a study."""
+def robot_logs(model: Model, beginning: Beginning, noise: float = 1.0) -> Dataset:
+    """Return what a model does on the planar plant with a shorter physics step than that of a study.
+
+    Its sensors have `noise` times that of `NOISE`.
+    """
     rng, runs = np.random.default_rng(1), []
     for i, split in enumerate(SPLITS):
         v, vc = np.abs(held(rng, 110)), held(rng, 40)
@@ -101,18 +104,18 @@ def robot_logs(model: Model, beginning: Beginning) -> Dataset:
         shown = commands.at(time)
         for k in range(2):
             channels = {
-                name: values + next(s for end, s in NOISE.items() if name.endswith(end)) * noise
+                name: values + noise * sigma * rng.standard_normal(time.size)
                 for name, values in path.channels_at(time).items()
-                for noise in [rng.standard_normal(time.size)]
+                for sigma in [next(s for end, s in NOISE.items() if name.endswith(end))]
             }
             runs.append(Run(f"{i}_{k}.csv", f"{i}", split, time - time[0], BodyCommand(*shown.T), channels))
     return Dataset("robot", tuple(runs), ())
 
 
-def robot_study(model: Model, beginning: Beginning) -> GapReport:
+def robot_study(model: Model, beginning: Beginning, noise: float = 1.0) -> GapReport:
     looked_for = ("speed_gain", "payload", "com_offset", "wheel_radius", "sensor_latency", "coulomb_friction")
     options = GapOptions(only=looked_for, plant="planar", next_experiment=False)
-    return analyse(robot_logs(model, beginning), MODEL, options)
+    return analyse(robot_logs(model, beginning, noise), MODEL, options)
 
 
 @pytest.mark.parametrize("beginning", ["at rest", "with a step", "in motion"])
@@ -128,3 +131,8 @@ def test_a_load_of_a_fifth_is_named_on_logs_that_begin_with_a_step() -> None:
     assert (found.verdict, found.candidates) == ("named", (("payload",),))
     mass = found.effects[0].parameters["mass_kg"]
     assert mass.low < 4.0 < mass.high
+
+
+def test_a_robot_in_logs_without_any_noise() -> None:
+    assert robot_study(MODEL, "with a step", noise=0.0).verdict == "no_gap"
+    assert ("speed_gain",) in robot_study(SLOWER, "with a step", noise=0.0).candidates

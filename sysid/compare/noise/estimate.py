@@ -28,6 +28,9 @@ _LEAST_SAMPLES: Final = 20
 _LEAST_WINDOWS: Final = 6
 """The same for the displacements of a pose, of which a short log has few."""
 _LEAST: Final = 1e-9
+_FINEST: Final = 1e-3
+"""Least noise of a robot's channel in logs that have none, over the rms of what it shows. Assumed: no
+simulation of a robot is exact to less, and one that had to be would find a gap in its own numerics."""
 _HOLE: Final = 1.5
 """Rows from one sample to the next, relative to their median, above which there are empty cells between."""
 _EFFICIENCY: Final = 0.37 / 1.94
@@ -149,6 +152,11 @@ class Noise:
         return all(source == "repeats" for source in self.source.values())
 
 
+def _rms(blocks: Sequence[Block]) -> float:
+    """Return the rms of what the blocks of a channel show, in its unit."""
+    return math.sqrt(float(np.mean(np.concatenate([block.value for block in blocks]) ** 2)))
+
+
 def measure_noise(dataset: Dataset, observations: Observations) -> Noise:
     """Return the noise of each channel, blind to the test runs, which decisions must not see.
 
@@ -164,6 +172,7 @@ def measure_noise(dataset: Dataset, observations: Observations) -> Noise:
     rounding: dict[str, float] = {}
     uneven: dict[str, UnevenNoise] = {}
     freedom_of_repeats, differences = 0, 0
+    bench = dataset.level == "bench"
     splits = {"fit", "validation", *(situation.split for situation in observations.situations)}
     runs = [run for run in dataset.runs if run.split in splits]
     repeats = noise_from_repeats(runs) or {}
@@ -174,7 +183,7 @@ def measure_noise(dataset: Dataset, observations: Observations) -> Noise:
         )
         # A quantised speed can be constant during smooth motion; that does not mean zero noise.
         resolution = _resolution(observations, blocks)
-        least = max(_LEAST, resolution / math.sqrt(12.0))
+        least = max(_LEAST, resolution / math.sqrt(12.0), 0.0 if bench else _FINEST * _rms(blocks))
         scatter[name], differences = max(by_neighbours, least), differences + count
         freedom = sum(block.degrees_of_freedom for block in blocks)
         squares = sum(block.repeat_squares for block in blocks)

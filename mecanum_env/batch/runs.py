@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -60,7 +61,7 @@ class PlanarDrives:
         """
         step = self._robot.clocks.timestep_s
         time_s: FloatArray = np.arange(math.ceil(duration_s / step - 1e-9) + 1, dtype=np.float64) * step
-        ctrl = commands.wheels_at(time_s[:-1], self._model.wheel.command_quantum_rpm)
+        ctrl = _sent(commands, len(time_s) - 1, step, self._model.wheel.command_quantum_rpm)
         if limits_body(self._model):
             ctrl = BodyLimits(self._model, step).path(ctrl)
         lost = None if supply is None else supply.lost_at(time_s[:-1])
@@ -68,6 +69,14 @@ class PlanarDrives:
         if reached < len(ctrl):
             raise diverged(float(time_s[reached]))
         return PlanarPath(time_s, speeds, twist, pose)
+
+
+@lru_cache(maxsize=128)
+def _sent(commands: Commands, steps: int, step_s: float, quantum_rpm: float) -> FloatArray:
+    """Return the wheel commands [rpm] at each physics step, (steps, 4), read-only, since they are kept."""
+    sent = commands.wheels_at(np.arange(steps, dtype=np.float64) * step_s, quantum_rpm)
+    sent.flags.writeable = False
+    return sent
 
 
 def _rows_of(robot: PlanarRobot) -> FloatArray:

@@ -22,7 +22,7 @@ from mecanum_env.tables import SUFFIXES, Table, check_stamps, has_table_suffix, 
 from mecanum_env.units import FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BodyCommands:
     """Commands of the whole robot: times and the three commands, each of shape (n,).
 
@@ -61,7 +61,7 @@ class BodyCommands:
         return command_to_wheels(*round_command(v, theta, vc, quantum_rpm))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class WheelCommands:
     """Commands of the four wheels, for platforms that take them: times (n,) [s], wheel speeds (n, 4) [rpm].
 

@@ -84,7 +84,7 @@ def _motions_of(
         if starts_in_gap(wheel):
             return motions_from_gap(wheel, asked, [SeenSpeed.of([run]) for run, _ in runs], sensors).motions
         return bench_motions_of(wheel, BenchRuns(asked))
-    by_voltage = follows_voltage(model)
+    by_voltage = any(supply_of(run) for run, _ in runs) and follows_voltage(model)
     robots: dict[float, CompiledRobot] = {}
     motions: dict[Hashable, Motion] = {}
     found = []

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from functools import cached_property
+from collections.abc import Callable
+from functools import cached_property, lru_cache
 from typing import Final
 
 import mujoco
@@ -123,8 +123,9 @@ def supply_of(run: Run) -> Supply | None:
     return Supply.logged(run.time_s, run.channels.get("battery_v"), run.full_v)
 
 
+@lru_cache(maxsize=256)
 def commands_of(
-    run: Run, command_period_s: float, lead_s: float = 0.0, before_rpm: Sequence[float] = ()
+    run: Run, command_period_s: float, lead_s: float = 0.0, before_rpm: tuple[float, ...] = ()
 ) -> Commands:
     """Return a robot log's commands, without rows that repeat, held as by `Run.held_since`.
 
@@ -137,7 +138,7 @@ def commands_of(
         rows = np.stack([command.v_rpm, command.theta_deg, command.vc_rpm], axis=1)
     keep = np.concatenate([[True], np.any(rows[1:] != rows[:-1], axis=1)])
     time, rows = run.held_since(command_period_s)[keep] + lead_s, rows[keep]
-    if len(before_rpm) and lead_s > 0.0:
+    if before_rpm and lead_s > 0.0:
         before = np.array(before_rpm)
         if isinstance(command, BodyCommand):
             forward, left, turn = wheels_to_body(before)

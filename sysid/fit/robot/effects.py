@@ -47,6 +47,7 @@ _KNOWN: Final = (
     "body_acceleration_limit",
     "command_deadband",
     "speed_gain",
+    "speed_saturation",
     "acceleration_limit",
     "acceleration_limit/s_curve",
     "coulomb_friction",

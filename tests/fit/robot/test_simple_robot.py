@@ -220,6 +220,23 @@ def test_all_that_was_found_of_the_robot_is_in_the_model(
     assert fitted_model(fit).robot == fit.robot.robot
 
 
+def test_a_ceiling_below_the_commands_is_found(
+    limited: Model, start: Model, robot_logs: Callable[..., Dataset], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def with_ceiling(model: Model, saturation_rpm: float) -> Model:
+        return replace(model, wheel=replace(model.wheel, saturation_rpm=saturation_rpm))
+
+    logs = robot_logs(with_ceiling(limited, 80.0), runs=4, seconds=2.5)
+    known = tuple(name for name in robot_effects._KNOWN if name in ("command_latency", "speed_saturation"))
+    monkeypatch.setattr(robot_effects, "simple_robots", lambda *_: [with_ceiling(start, math.inf)])
+    monkeypatch.setattr(robot_effects, "_KNOWN", known)
+    monkeypatch.setattr(robot_effects, "_ROUNDS", 1)
+    found = find_robot_effects(logs, with_ceiling(paper_model(), math.inf), (), wheels_of(logs))
+    assert found is not None
+    assert found.drive.model.effects["speed_saturation"]["limit_rpm"] == pytest.approx(80.0, rel=0.03)
+    assert found.after < 1.3
+
+
 def test_what_fits_the_fit_runs_only_is_not_taken(
     logs: Dataset, start: Model, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -10,6 +10,7 @@ import pytest
 from mecanum_env.model import Model, paper_model
 from mecanum_env.simulator import BodyCommands, drive, replay_bench
 from mecanum_env.units import FloatArray
+from sysid.fit import FitOptions, fit_dataset, fitted_model
 from sysid.gap.result import GapOptions, GapReport
 from sysid.gap.workflow import analyse
 from sysid.logs import BenchCommand, BodyCommand, Dataset, Run, Split
@@ -87,12 +88,12 @@ NOISE = {
 """End of a channel's name -> standard deviation of its noise."""
 
 
-def robot_logs(model: Model, beginning: Beginning, noise: float = 1.0) -> Dataset:
+def robot_logs(model: Model, beginning: Beginning, noise: float = 1.0, seed: int = 1) -> Dataset:
     """Return what a model does on the planar plant with a shorter physics step than that of a study.
 
-    Its sensors have `noise` times that of `NOISE`.
+    Its sensors have `noise` times that of `NOISE`; `seed` draws commands and noise.
     """
-    rng, runs = np.random.default_rng(1), []
+    rng, runs = np.random.default_rng(seed), []
     for i, split in enumerate(SPLITS):
         v, vc = np.abs(held(rng, 110)), held(rng, 40)
         size = min(v.size, vc.size)
@@ -136,3 +137,46 @@ def test_a_load_of_a_fifth_is_named_on_logs_that_begin_with_a_step() -> None:
 def test_a_robot_in_logs_without_any_noise() -> None:
     assert robot_study(MODEL, "with a step", noise=0.0).verdict == "no_gap"
     assert ("speed_gain",) in robot_study(SLOWER, "with a step", noise=0.0).candidates
+
+
+MEASURED = ("mass_kg", "wheel_radius_m", "half_wheelbase_m", "half_track_m", "rollers_per_wheel")
+"""What a ruler and a scale tell of a robot."""
+
+
+@pytest.fixture(scope="module")
+def of_fit() -> Dataset:
+    return robot_logs(MODEL, "at rest", seed=3)
+
+
+@pytest.fixture(scope="module")
+def fitted(of_fit: Dataset) -> Model:
+    """Return a model of the robot that was fitted to its logs, whose commands exceed its ceiling."""
+    return fitted_model(fit_dataset(of_fit, FitOptions(robot=MODEL.robot, robot_given=MEASURED)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("effect", "parameter", "value"),
+    [
+        ("payload", "mass_kg", 4.0),
+        ("wheel_radius", "scale", 1.02),
+        ("mount_yaw", "angle_deg", 1.0),
+        ("coulomb_friction", "torque_n_m", 0.1),
+    ],
+)
+def test_a_small_change_of_a_fitted_robot_is_named(
+    fitted: Model, of_fit: Dataset, effect: str, parameter: str, value: float
+) -> None:
+    """The commands are others than those of the fit."""
+    logs = robot_logs(MODEL.with_effect(effect, **{parameter: value}), "with a step", seed=9)
+    options = GapOptions(plant="planar", fitted_on=of_fit, next_experiment=False)
+    report = analyse(logs, fitted, options)
+    assert (report.verdict, report.candidates) == ("named", ((effect,),))
+    size = report.effects[0].parameters[parameter]
+    assert size.low < value < size.high
+
+
+@pytest.mark.slow
+def test_a_fitted_robot_that_nothing_was_changed_on_has_no_gap(fitted: Model, of_fit: Dataset) -> None:
+    options = GapOptions(plant="planar", fitted_on=of_fit, next_experiment=False)
+    assert analyse(robot_logs(MODEL, "with a step", seed=9), fitted, options).verdict == "no_gap"

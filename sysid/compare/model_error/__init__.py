@@ -6,11 +6,11 @@ from sysid.compare.model_error.learned import Learned, learn
 from sysid.compare.model_error.marginal import Marginal
 from sysid.compare.model_error.nuisance import plausible_models, shape_columns
 from sysid.compare.model_error.own_error import block_residuals, with_own_error
+from sysid.compare.model_error.physics_step import step_error
 from sysid.compare.model_error.repeated import RepeatedCommands, repeated_commands
 from sysid.compare.model_error.same_commands import with_same_commands
 from sysid.compare.model_error.shape import ShapeBasis
 from sysid.compare.model_error.size import ModelError, estimate_model_error, model_error_of
-from sysid.compare.model_error.step_error import step_error
 from sysid.compare.model_error.whitening import Whitener
 
 __all__ = [

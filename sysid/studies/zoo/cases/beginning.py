@@ -20,7 +20,10 @@ def begins_with_step(seed: int) -> bool:
 
 
 def as_recorded(seed: int, commands: Sequence[FloatArray]) -> list[FloatArray]:
-    """Return command sequences, (m,) or (m, 3) each, without the rest at their begin if so drawn."""
+    """Return the command sequences of a case, (m,) or (m, 3) each, as its recordings hold them.
+
+    They lack the rest before the first command if the `seed` draws that.
+    """
     if not begins_with_step(seed):
         return list(commands)
     return [_without_rest(sequence) for sequence in commands]

@@ -159,7 +159,7 @@ def fitted(of_fit: Dataset) -> Model:
     ("effect", "parameter", "value", "within"),
     [
         ("payload", "mass_kg", 4.0, 1.5),
-        ("wheel_radius", "scale", 1.02, 0.005),
+        ("wheel_radius", "scale", 1.02, 0.012),
         ("mount_yaw", "angle_deg", 1.0, 0.3),
         ("coulomb_friction", "torque_n_m", 0.1, 0.03),
     ],

@@ -1,8 +1,10 @@
 """Effects that follow the wheel's angle: the angle at which a run starts is unknown, and so is each phase.
 
 To first order a phase p changes a residual by a cos p + b sin p. The likelihood of a run is its mean over all
-phases. In the mean of n repeats, cos p and sin p are about normal with mean 0 and variance 1 / (2 n); its
-residual then has the covariance I + Z Z', Z the two columns a and b times that standard deviation.
+phases. In the mean of n repeats with a phase each, cos p and sin p are about normal with mean 0 and variance
+1 / (2 n); its residual then has the covariance I + Z Z', Z the two columns a and b times that standard
+deviation. A wheel that begins every repeat at one angle, since it was homed or simulated, shows no wave in what
+its repeats differ by: their mean is then like a run.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ from typing import Final
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
+from scipy.stats import f as f_distribution
 
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import Model
@@ -32,6 +35,8 @@ _LONGEST_PERIOD_S: Final = 0.5
 """Longest time over which the wheel's angle is averaged [s]: slower ripples turn by little in it. Assumed."""
 _ANGLES: Final = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)
 _CIRCLE: Final = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)])
+_WAVE_LEVEL: Final = 0.99
+"""Level of the F test that repeats differ by a wave. Assumed."""
 FREQUENCIES: Final = tuple(range(1, 25))
 """Periods per turn that are looked for: a wheel, gear or disk is uneven a whole number of times."""
 
@@ -70,7 +75,7 @@ def with_unknown_phases(
     of_blocks = [np.stack(parts) for parts in zip(*known, strict=True)]
     means = [parts.mean(axis=0) for parts in of_blocks]
     per_turn = {model.effects[name]["per_turn"] for name in turning}
-    turns = per_turn.pop() if len(per_turn) == 1 else 0.0
+    turns = next(iter(per_turn)) if len(per_turn) == 1 else 0.0
     both = [(circle @ parts).T for parts in of_blocks]
     rest, waves = measured - whiten(means), -whiten(both)
     # Each block at its likeliest phase; the mean of repeats, which differ in theirs, without the effect.
@@ -83,12 +88,36 @@ def with_unknown_phases(
         for block, speed, wave in zip(blocks, likely, both, strict=True)
     ]
     result, waves = rest, -whiten(both)
+    alike = all(_repeats_begin_alike(blocks, one) for one in per_turn)
     for block, part in zip(blocks, rows, strict=True):
-        over = _over_one_phase if block.repeats == 1 else _over_mean_phases
+        over = _over_one_phase if block.repeats == 1 or alike else _over_mean_phases
         own, deviance = over(result[part], waves[part], block.repeats)
         square = float(own @ own)
         result[part] = own * math.sqrt(deviance / square) if square > 0.0 else own
     return result
+
+
+def _repeats_begin_alike(blocks: Sequence[Block], per_turn: float) -> bool:
+    """Return whether what the repeats differ by shows no wave with `per_turn` periods in a turn of the wheel."""
+    along, whole, waves, degrees = 0.0, 0.0, 0, 0
+    for block in blocks:
+        if block.repeats < 2 or not block.channel.startswith("speed_") or block.time_s.size < 2:
+            continue
+        time_s = block.sample_times_s
+        speed = np.interp(time_s, block.time_s, block.value) * RAD_S_PER_RPM
+        angle = per_turn * cumulative_trapezoid(speed, time_s, initial=0.0)
+        # In proportion to the speed, as an uneven encoder's, or constant, about as a ripple's.
+        wave = np.stack([shape * of(angle) for shape in (speed, 1.0) for of in (np.cos, np.sin)], axis=1)
+        directions = np.linalg.svd(wave - wave.mean(axis=0), full_matrices=False)[0]
+        apart = np.nan_to_num(block.deviations)
+        along += float(np.sum((apart @ directions) ** 2))
+        whole += float(np.sum(apart**2))
+        waves += (block.repeats - 1) * directions.shape[1]
+        degrees += block.degrees_of_freedom
+    if waves == 0 or degrees <= waves or whole <= along:
+        return False
+    ratio = (along / waves) / ((whole - along) / (degrees - waves))
+    return bool(ratio < f_distribution.ppf(_WAVE_LEVEL, waves, degrees - waves))
 
 
 def _likeliest(rest: FloatArray, waves: FloatArray) -> FloatArray:

@@ -23,8 +23,8 @@ MODEL = paper_model()
 NOISE_RPM = 0.2
 
 
-def turned_logs(effect: str, **values: float) -> Dataset:
-    """Return bench logs of a wheel with an effect, each run of which starts at another angle."""
+def turned_logs(effect: str, repeats: int = 1, **values: float) -> Dataset:
+    """Return bench logs of a wheel with an effect, each group of which starts at another angle."""
     rng = np.random.default_rng(5)
     time = np.arange(0.0, 4.0, 0.01)
     runs = []
@@ -32,8 +32,10 @@ def turned_logs(effect: str, **values: float) -> Dataset:
         levels = rng.uniform(20.0, 120.0, 4) * rng.choice((-1.0, 1.0), 4)
         command = np.rint(np.concatenate([np.zeros(20), np.repeat(levels, 95)]))
         true = MODEL.with_effect(effect, **values, phase_deg=float(rng.uniform(-180.0, 180.0)))
-        speed = replay_bench(true, time, command) + NOISE_RPM * rng.standard_normal(time.size)
-        runs.append(Run(f"{i}.csv", f"{i}", "fit", time, BenchCommand(command), {"speed_rpm": speed}))
+        speed = replay_bench(true, time, command)
+        for k in range(repeats):
+            channels = {"speed_rpm": speed + NOISE_RPM * rng.standard_normal(time.size)}
+            runs.append(Run(f"{i}_{k}.csv", f"{i}", "fit", time, BenchCommand(command), channels))
     return Dataset("turned", tuple(runs), ())
 
 
@@ -68,6 +70,27 @@ def test_an_effect_of_the_angle_is_found_whatever_the_phase_of_each_run(
     assert best.cost < 1.3 * problem.size < 0.5 * search.base.cost
     for name, value in values.items():
         assert found[name] == pytest.approx(value, rel=within)
+
+
+@pytest.mark.parametrize(
+    ("effect", "values"),
+    [
+        ("torque_ripple", {"per_turn": 12.0, "share": 0.03}),
+        ("encoder_eccentricity", {"per_turn": 1.0, "share": 0.05}),
+    ],
+)
+def test_repeats_that_all_start_at_one_angle_show_the_true_size(
+    effect: str, values: dict[str, float]
+) -> None:
+    """A wheel that is homed before each run: the mean of its repeats loses nothing of the wave."""
+    problem = problem_of(turned_logs(effect, repeats=2, **values))
+    search = Search(problem, Library(responses(problem, [effect])), SearchEffort())
+    search.grow(1)
+    best = search.best_fit
+    found = best.candidate.model(MODEL, best.place).effects[effect]
+    for name, value in values.items():
+        assert found[name] == pytest.approx(value, rel=0.1)
+    assert best.cost < 1.3 * problem.size
 
 
 def test_the_phase_of_a_model_does_not_matter() -> None:

@@ -3,8 +3,8 @@
 To first order a phase p changes a residual by a cos p + b sin p. The likelihood of a run is its mean over all
 phases. In the mean of n repeats with a phase each, cos p and sin p are about normal with mean 0 and variance
 1 / (2 n); its residual then has the covariance I + Z Z', Z the two columns a and b times that standard
-deviation. A wheel that begins every repeat at one angle, since it was homed or simulated, shows no wave in what
-its repeats differ by: their mean is then like a run.
+deviation. A wheel that begins every repeat at one angle, since it was homed or simulated, shows no wave in
+what its repeats differ by: their mean is then like a run.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ def with_unknown_phases(
 
 
 def _repeats_begin_alike(blocks: Sequence[Block], per_turn: float) -> bool:
-    """Return whether what the repeats differ by shows no wave with `per_turn` periods in a turn of the wheel."""
+    """Return whether what repeats differ by shows no wave with `per_turn` periods in a turn of the wheel."""
     along, whole, waves, degrees = 0.0, 0.0, 0, 0
     for block in blocks:
         if block.repeats < 2 or not block.channel.startswith("speed_") or block.time_s.size < 2:

@@ -21,7 +21,7 @@ from sysid.fit.drive import (
 )
 from sysid.fit.effects import DriveEffects, HeldOut, find_drive_effects
 from sysid.fit.options import FitOptions
-from sysid.fit.robot import RobotFit, find_robot_effects, robot_of, wheels_at_rest
+from sysid.fit.robot import RobotFit, find_robot_effects, grip_beside, robot_of, wheels_at_rest
 from sysid.logs import Dataset
 from sysid.progress import Progress, silent, within
 
@@ -162,12 +162,12 @@ def _with_robot(fit: Fit, progress: Progress) -> Fit:
     found = find_robot_effects(fit.dataset, model, given, data, tell)
     if found is None:
         return alone
-    # The grip is that of the first fit: on the planar plant nothing shows it.
-    grip = [p for p in robot.parameters if p.name == "friction"] if robot else []
+    tell("grip")
+    grip = grip_beside(found.drive.model, fit.dataset, given, data, options.robot.friction)
     together = RobotFit(
         law=found.drive.model.wheel.law,
         robot=found.drive.model.robot,
-        parameters=(*found.parameters, *grip),
+        parameters=(*found.parameters, grip),
         covariance=found.drive.covariance,
         residual_before=found.before,
         residual_after=found.after,

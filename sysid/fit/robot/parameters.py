@@ -9,7 +9,8 @@ contains what is common to both. The stages of the fit are therefore:
 2. Law, servo and inertia are fitted together on the planar plant, which is fast; a parameter that the logs do
    not show is left. If slip shows, the roller plant is used at the grip found, and then the grip is fitted
    again, in turns: the first grip belongs to a law that contains the slip.
-3. Law and robot are fitted again on the rollers, where the model will be used: they take up torque and slip.
+3. Where effects were fitted beside the law (`sysid.fit.robot.effects`), the grip is found again with them.
+4. Law and robot are fitted again on the rollers, where the model will be used: they take up torque and slip.
 """
 
 from __future__ import annotations
@@ -186,6 +187,32 @@ def fit_robot(model: Model, given: Sequence[str], data: PlantData, tell: Progres
     )
 
 
+def grip_beside(
+    model: Model, dataset: Dataset, given: Sequence[str], data: PlantData, nominal: float
+) -> RobotParameter:
+    """Return the grip beside effects that were fitted on the plant without slip.
+
+    A law alone takes other causes for slip: a body that follows its wheels late looks as if these spun.
+
+    Args:
+        model: law, robot and effects.
+        dataset: the logs.
+        given: names of the robot's parameters that were measured.
+        data: runs of the fit that start at rest, with their wheel speeds.
+        nominal: the grip as measured, or where the logs do not show it.
+    """
+    model = replace(model, robot=replace(model.robot, friction=nominal))
+    data = _with_body_velocities(dataset, data, model)
+    grip = scan_grip(model, "friction" in given, data)
+    if not grip.fitted:
+        return grip
+    robot = replace(model.robot, friction=grip.value)
+    found = profile_grip(replace(model, robot=robot), data)
+    reason = grip.reason + (f"; no interval: {found.doubt}" if found.doubt else "")
+    error = found.value * math.hypot(found.log_error, math.log(found.value / grip.value))
+    return replace(grip, value=found.value, standard_error=error, reason=reason)
+
+
 def _in_turns(
     model: Model, sought: Sequence[str], grip: RobotParameter, data: PlantData, tell: Progress
 ) -> tuple[FoundRobot, list[str], dict[str, float], RobotParameter]:
@@ -253,7 +280,7 @@ def _parameter(name: str, robot: Robot, fitted: bool, given: bool, log_error: fl
 
 
 def on_rollers(model: Model, dataset: Dataset, robot: Sequence[str]) -> tuple[Model, str]:
-    """Fit the law, effects fitted with it, and some parameters of the `robot` again on the rollers (stage 3).
+    """Fit the law, effects fitted with it, and some parameters of the `robot` again on the rollers (stage 4).
 
     Return the model fitted to the fit runs, or the given one if that predicts the validation runs as well,
     and a note.

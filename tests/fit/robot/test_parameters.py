@@ -8,8 +8,8 @@ import pytest
 
 from mecanum_env.kinematics import TWIST
 from mecanum_env.model import Model
-from sysid.fit.robot import RobotFit
-from sysid.fit.robot.grip import RobotParameter
+from sysid.fit.robot import RobotFit, grip_beside
+from sysid.fit.robot.grip import RobotParameter, scan_grip
 from sysid.fit.robot.output_error import PlantData
 from sysid.fit.robot.parameters import fit_robot
 from sysid.logs import BodyCommand, Dataset
@@ -94,3 +94,28 @@ def test_grip_is_left_where_nothing_slips(paper: Model, robot_logs: Callable[...
     assert not grip.fitted
     assert grip.value == paper.robot.friction
     assert "no slip" in grip.reason
+
+
+def test_a_body_that_follows_late_is_no_slip_once_that_is_known(
+    paper: Model, robot_logs: Callable[..., Dataset]
+) -> None:
+    true = paper.with_effect("sensor_latency/body", delay_s=0.06)
+    logs = robot_logs(true, runs=1, seconds=1.0, body=True, plant="rollers")
+    law_alone = scan_grip(paper, given=False, data=plant_data(logs))
+    assert law_alone.fitted
+    assert law_alone.value < 0.6
+    grip = grip_beside(true, logs, (), plant_data(logs), paper.robot.friction)
+    assert not grip.fitted
+    assert grip.value == paper.robot.friction
+
+
+@pytest.mark.slow
+def test_a_grip_beside_effects_is_right_within_its_interval(
+    paper: Model, robot_logs: Callable[..., Dataset]
+) -> None:
+    known = paper.with_effect("sensor_latency/body", delay_s=0.06)
+    true = replace(known, robot=replace(known.robot, friction=0.2))
+    logs = robot_logs(true, body=True, plant="rollers")
+    grip = grip_beside(known, logs, (), plant_data(logs), paper.robot.friction)
+    assert grip.fitted
+    assert abs(grip.value - 0.2) <= 1.96 * grip.standard_error

@@ -80,6 +80,7 @@ NAMED = Facts(
         ({"adequate": False, "floor": BESIDE, "p_misfit": 0.5, "is_clear": True}, "unexplained", ""),
         ({"floor": BESIDE, "gain": 0.04, "is_plain": False}, "no_gap", "by 4% only"),
         ({"floor": BESIDE, "gain": 0.05, "is_plain": False}, "named", ""),
+        ({"floor": BESIDE, "gain": 0.01, "is_plain": False, "systematic": True}, "named", ""),
         ({"floor": BESIDE, "gain": 0.04}, "named", ""),
         ({"floor": replace(BESIDE, familiar=True), "gain": 0.04, "is_plain": False}, "named", ""),
         ({"floor": COMPARED, "gain": 0.04, "is_plain": False}, "no_gap", "by 4% only"),

@@ -29,7 +29,7 @@ from sysid.gap.search.free_term import free_term
 from sysid.gap.search.further import needed, residue, visible
 from sysid.gap.search.plain_squares import noise_ratio, plainly_larger, removed, removed_of_all
 from sysid.gap.search.rules import Facts, apply_rules
-from sysid.gap.search.scores import ScoredSet, doubtful, rises, scored
+from sysid.gap.search.scores import ScoredSet, agreed_on, doubtful, rises, scored
 from sysid.gap.search.sets import Search
 from sysid.gap.search.thresholds import THRESHOLDS
 from sysid.gap.search.ties import (
@@ -139,6 +139,7 @@ def collect(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
         gain=1.0 - chosen.fitted.cost / base.cost,
         raises_rms=rises(problem, base, chosen.fitted),
         doubtful=doubtful(problem, chosen.fitted, inflation),
+        systematic=facts.is_clear and _is_systematic(search, chosen.fitted),
         frequency=_frequency(chosen, [j for j in judged if j.names], rng),
         fall=(base.cost - chosen.fitted.cost) / expected(problem, base),
     )
@@ -255,6 +256,16 @@ def _formula_residue(search: Search, fitted: Fitted[EffectSet], share: float) ->
 def _inflation(problem: ResidualProblem, floor: Floor, best: Fitted[EffectSet]) -> float:
     """Return the variance that is left, relative to what is expected: at least what other commands allow."""
     return max(floor.slack, best.cost / max(1, problem.size - best.candidate.parameter_count))
+
+
+def _is_systematic(search: Search, fitted: Fitted[EffectSet]) -> bool:
+    """Return whether every command sequence shows each effect of a set alike.
+
+    The interval by their spread is so wide that of all effects that are considered one would miss "none" as
+    seldom as a false alarm may happen (Bonferroni).
+    """
+    tried = len({response.effect for response in search.library})
+    return agreed_on(search.problem, fitted, 1.0 - THRESHOLDS.false_alarm / max(1, tried))
 
 
 def _best(search: Search, size: int, inflation: float) -> ScoredSet:

@@ -66,6 +66,9 @@ class Facts:
     that the logs of a robot's fit show, in a command sequence."""
     doubtful: tuple[str, ...] = ()
     """Effects of the chosen set of which no parameter is surely away from neutral."""
+    systematic: bool = False
+    """Whether each effect of the chosen set shows alike in every command sequence, so clearly that none of
+    all that were tried would by chance; asked of a robot beside the logs of its fit."""
     frequency: Mapping[str, float] = field(default_factory=dict)
     """Effect of the chosen set -> share of resamples in which it is chosen."""
     fall: float = math.inf
@@ -124,7 +127,7 @@ def _within_own_error(facts: Facts) -> Outcome | None:
     if not floor.compared or floor.calibrated or facts.is_plain:
         return None
     if floor.knows_all:
-        known = floor.familiar or facts.chosen is None
+        known = floor.familiar or facts.chosen is None or facts.systematic
         return (
             None
             if known or gain >= THRESHOLDS.least_elsewhere

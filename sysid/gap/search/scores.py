@@ -231,12 +231,7 @@ def interval_ends(
     tail = 0.5 * (1.0 + THRESHOLDS.interval_level)
     variance = np.diag(fitted.covariance(_variance(problem, fitted, inflation, correlation)))
     half = norm.ppf(tail) * np.sqrt(variance)
-    masks = group_masks(problem)
-    if len(masks) >= THRESHOLDS.fewest_groups:
-        pulls = np.array([fitted.jacobian[mask].T @ fitted.residual[mask] for mask in masks])
-        moves = pulls @ fitted.covariance()
-        spread = np.sqrt(np.sum(moves**2, axis=0) * len(masks) / (len(masks) - 1))
-        half = np.maximum(half, t.ppf(tail, len(masks) - 1) * spread)
+    half = np.fmax(half, _spread_of_groups(problem, fitted, tail))
     low, high = fitted.place - half, fitted.place + half
     minimum = Minimum(fitted.place, fitted.residual, fitted.jacobian, 0)
     full = marginal_function(problem, fitted.candidate)
@@ -248,6 +243,33 @@ def interval_ends(
         down, up = reach(near if quick[i] else full, minimum, int(i), rise)
         low[i], high[i] = fitted.place[i] - down, fitted.place[i] + up
     return low, high
+
+
+def _spread_of_groups(problem: ResidualProblem, fitted: Fitted[EffectSet], tail: float) -> FloatArray:
+    """Return how far a set's parameters may be off by how much each group of runs would move them, (p,).
+
+    It is the quantile `tail` of Student's t; NaN where there are too few groups to tell.
+    """
+    masks = group_masks(problem)
+    if len(masks) < THRESHOLDS.fewest_groups:
+        return np.full(fitted.place.size, math.nan)
+    pulls = np.array([fitted.jacobian[mask].T @ fitted.residual[mask] for mask in masks])
+    squares = np.sum((pulls @ fitted.covariance()) ** 2, axis=0)
+    return np.asarray(t.ppf(tail, len(masks) - 1) * np.sqrt(squares * len(masks) / (len(masks) - 1)))
+
+
+def agreed_on(problem: ResidualProblem, fitted: Fitted[EffectSet], level: float) -> bool:
+    """Return whether the groups of runs agree about each effect of a set that it is there.
+
+    By their spread alone, whatever a model or formula may err by, the interval of this `level` of a parameter
+    that says so does not reach neutral.
+    """
+    off = np.abs(fitted.place - fitted.candidate.start())
+    sure = off > _spread_of_groups(problem, fitted, 0.5 * (1.0 + level))
+    sure &= np.array(fitted.candidate.decisive(problem.base), bool) & np.any(fitted.jacobian != 0.0, axis=0)
+    return {owner for owner, one in zip(fitted.candidate.owners, sure, strict=True) if one} == set(
+        fitted.names
+    )
 
 
 def doubtful(problem: ResidualProblem, fitted: Fitted[EffectSet], inflation: float) -> tuple[str, ...]:

@@ -16,7 +16,7 @@ from sysid.compare.predicted import SimulationSettings
 from sysid.compare.search_space import EffectSet, effect_set
 from sysid.gap.search.beyond_fit import beyond_fit, largest_ratio, without_first_order
 from sysid.gap.search.chance import Floor, smallest_detectable
-from sysid.gap.search.decision import _inflation
+from sysid.gap.search.decision import _inflation, _is_systematic
 from sysid.gap.search.responses import Library, responses
 from sysid.gap.search.scores import group_masks, rises
 from sysid.gap.search.sets import EMPTY, Search
@@ -65,6 +65,17 @@ def test_a_change_that_the_planar_plant_shows_has_no_chance_of_rollers_in_it(
     unmoved = problem.residual(problem.base)
     assert unmoved is not None
     np.testing.assert_allclose(unmoved, base)
+
+
+def test_without_slip_any_other_model_is_simulated(robot_logs: MakeLogs) -> None:
+    """Where there is no faster plant than the one that is asked for, nothing is left to rollers."""
+    planar = SimulationSettings("planar")
+    logs = robot_logs(paper_model(), runs=2, seconds=1.0)
+    problem = problem_of(logs, learn(paper_model(), logs, settings=planar), planar)
+    heavier = replace(problem.base, robot=replace(problem.base.robot, mass_kg=40.0))
+    residual = problem.residual(heavier)
+    assert residual is not None
+    assert residual @ residual > problem.base_residual @ problem.base_residual
 
 
 def test_what_only_rollers_show_is_still_simulated_on_them(unchanged: ResidualProblem) -> None:
@@ -216,3 +227,20 @@ def test_chance_is_as_much_larger_in_other_commands_as_the_error_may_be(
 def test_an_error_of_roughly_known_size_allows_for_that() -> None:
     exact = Floor(1e6, trusted=True)
     assert replace(exact, slack=1.5).largest_ratio(1000) == pytest.approx(1.5 * exact.largest_ratio(1000))
+
+
+def test_what_every_command_sequence_shows_alike_is_systematic(robot_logs: MakeLogs) -> None:
+    """An error of the model differs from one sequence to the next; a longer radius shows in each."""
+    planar, names = SimulationSettings("planar"), ["wheel_radius", "payload", "sensor_scale"]
+    nominal = robot_logs(paper_model(), runs=5, seconds=1.5, body=True)
+    learned = learn(paper_model(), nominal, settings=planar)
+    answers = []
+    for scale in (1.02, 1.0):
+        longer = paper_model().with_effect("wheel_radius", scale=scale)
+        logs = robot_logs(longer, runs=5, seconds=1.5, body=True)
+        problem = problem_of(logs, learned, planar)
+        search = Search(problem, Library(responses(problem, names)), BESIDE_FIT_OF_ROBOT)
+        search.grow(1)
+        radius = next(fitted for fitted in search.of_size(1) if fitted.names == ("wheel_radius",))
+        answers.append(_is_systematic(search, radius))
+    assert answers == [True, False]

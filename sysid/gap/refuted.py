@@ -7,11 +7,14 @@ happened. So the last word is theirs, and it can only be no.
 The size of a threshold is an exception. The runs which decide show only that it lies between two commands,
 and its estimate is the middle. If test runs refute that, the effect is stated at the end at which it does
 least: there it does no more than these runs have shown, and what test runs refute then is the effect itself.
+
+Test runs that never do what an effect acts on, such as commands within a dead band, say nothing of it.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
@@ -23,6 +26,9 @@ from sysid.gap.search.rules import Facts, may_be_noise
 from sysid.gap.search.scores import interval_ends
 from sysid.gap.search.thresholds import THRESHOLDS
 from sysid.gap.wording import amount, set_name
+
+_ROUNDING: Final = 1e-6
+"""Relative change of an rms that is no more than rounding."""
 
 
 def refuted(report: GapReport, floor: Floor) -> str:
@@ -47,13 +53,27 @@ def refuted(report: GapReport, floor: Floor) -> str:
     )
 
 
+def not_in_test_runs(report: GapReport) -> str:
+    """Return in a sentence that the test runs say nothing of the effects of a report; else ""."""
+    if not (report.unseen and report.effects) or _changes(report.gap):
+        return ""
+    names = set_name([effect.name for effect in report.effects])
+    return f"no test run shows {names}: what the report says of the error after it is not confirmed by them"
+
+
+def _changes(gap: Difference) -> bool:
+    """Return whether effects change the predictions of the test runs."""
+    return abs(gap.before - gap.after) > _ROUNDING * gap.before
+
+
 def _removes_nothing(gap: Difference) -> bool:
     """Return whether effects remove less of a difference on test runs than of that which decides they must.
 
-    Whether a difference is removed that is about as large as the noise is left to chance.
+    Whether a difference is removed that is about as large as the noise is left to chance, and none can be
+    where the effects change no prediction.
     """
     noise = gap.noise_floor
-    if noise is None or gap.before <= THRESHOLDS.large_rms_rise * noise:
+    if noise is None or gap.before <= THRESHOLDS.large_rms_rise * noise or not _changes(gap):
         return False
     return gap.before**2 - gap.after**2 < THRESHOLDS.least_removed * (gap.before**2 - noise**2)
 

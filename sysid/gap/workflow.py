@@ -18,7 +18,7 @@ from sysid.gap.design.next_experiment import design_next_experiment
 from sysid.gap.inquiry import Inquiry, inquire
 from sysid.gap.link_faults import as_given, with_link_fault
 from sysid.gap.only_in_test import only_in_test
-from sysid.gap.refuted import at_least_thresholds, refuted, verdict_of_refuted
+from sysid.gap.refuted import at_least_thresholds, not_in_test_runs, refuted, verdict_of_refuted
 from sysid.gap.report.beside_fit import gap_beside_fit
 from sysid.gap.report.held_out import (
     Channels,
@@ -122,6 +122,8 @@ def _analyse(
         decision = replace(found.decision, verdict=verdict, chosen=None, candidates=(), notes=notes)
         found = replace(found, decision=decision)
         report = _report(dataset, model, options, found, considered)
+    if silent := not_in_test_runs(report):
+        report = replace(report, notes=(*report.notes, silent))
     return with_unshown(report), found.best_model or model
 
 

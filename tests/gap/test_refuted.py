@@ -11,7 +11,7 @@ import pytest
 
 from mecanum_env.model import Model
 from mecanum_env.simulator import replay_bench
-from sysid.gap.refuted import refuted, verdict_of_refuted
+from sysid.gap.refuted import not_in_test_runs, refuted, verdict_of_refuted
 from sysid.gap.result import Difference, GapReport, Verdict
 from sysid.gap.search.chance import Floor
 from sysid.gap.search.rules import Facts
@@ -84,6 +84,14 @@ def test_a_name_in_new_commands_must_remove_some_of_the_error_on_test_runs(found
     assert "hardly lowers the error on the unseen test runs from 2.75 rpm to 2.74 rpm" in why
     # A tenth of the squares above the noise is enough.
     assert refuted(with_gap(found, 2.75, 2.6, 0.35), NEW) == ""
+
+
+def test_test_runs_that_never_do_what_an_effect_acts_on_say_nothing(found: GapReport) -> None:
+    """As for a dead band that no command of theirs lies in."""
+    silent = with_gap(found, 2.75, 2.75, 0.35)
+    assert refuted(silent, NEW) == ""
+    assert "no test run shows" in not_in_test_runs(silent)
+    assert not_in_test_runs(found) == ""
 
 
 @pytest.mark.parametrize(

@@ -166,7 +166,7 @@ def _with_robot(fit: Fit, progress: Progress) -> Fit:
     grip = grip_beside(found.drive.model, fit.dataset, given, data, options.robot.friction)
     together = RobotFit(
         law=found.drive.model.wheel.law,
-        robot=found.drive.model.robot,
+        robot=replace(found.drive.model.robot, friction=grip.value),
         parameters=(*found.parameters, grip),
         covariance=found.drive.covariance,
         residual_before=found.before,

@@ -58,7 +58,7 @@ def not_in_test_runs(report: GapReport) -> str:
     if not (report.unseen and report.effects) or _changes(report.gap):
         return ""
     names = set_name([effect.name for effect in report.effects])
-    return f"no test run shows {names}: what the report says of the error after it is not confirmed by them"
+    return f"no test run does what shows {names}, so that none confirms it"
 
 
 def _changes(gap: Difference) -> bool:

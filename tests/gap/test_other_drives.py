@@ -7,7 +7,7 @@ limited; the law of this project describes it only roughly.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -144,7 +144,7 @@ def test_a_change_is_named_or_tied_with_what_looks_alike(
 
 
 def test_an_uneven_encoder_is_as_uneven_as_it_is(model: Model, of_fit: Dataset) -> None:
-    report = study(replace(Motor(), uneven=0.05), model, of_fit)
+    report = study(Motor(uneven=0.05), model, of_fit)
     assert report.candidates == (("encoder_eccentricity",),)
     assert report.effects[0].parameters["share"].value == pytest.approx(0.05, abs=0.002)
     assert closure(report) > 0.9

@@ -78,9 +78,10 @@ def with_unknown_phases(
     turns = next(iter(per_turn)) if len(per_turn) == 1 else 0.0
     both = [(circle @ parts).T for parts in of_blocks]
     rest, waves = measured - whiten(means), -whiten(both)
-    # Each block at its likeliest phase; the mean of repeats, which differ in theirs, without the effect.
+    alike = all(_repeats_begin_alike(blocks, one) for one in per_turn)
+    # Each block at its likeliest phase; the mean of repeats that differ in theirs without the effect.
     likely = [
-        mean + (wave @ _likeliest(rest[part], waves[part]) if block.repeats == 1 else 0.0)
+        mean + (wave @ _likeliest(rest[part], waves[part]) if block.repeats == 1 or alike else 0.0)
         for block, part, mean, wave in zip(blocks, rows, means, both, strict=True)
     ]
     both = [
@@ -88,7 +89,6 @@ def with_unknown_phases(
         for block, speed, wave in zip(blocks, likely, both, strict=True)
     ]
     result, waves = rest, -whiten(both)
-    alike = all(_repeats_begin_alike(blocks, one) for one in per_turn)
     for block, part in zip(blocks, rows, strict=True):
         over = _over_one_phase if block.repeats == 1 or alike else _over_mean_phases
         own, deviance = over(result[part], waves[part], block.repeats)

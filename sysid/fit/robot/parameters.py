@@ -33,7 +33,15 @@ from sysid.compare.noise import measure_noise
 from sysid.compare.predicted import without_engine_warnings
 from sysid.compare.search_space import LawWithEffects, RefittedLaw, effect_set
 from sysid.fit.effects import with_uncertainty
-from sysid.fit.robot.grip import EVIDENCE, ROLLER_SECONDS, SHOWN, RobotParameter, profile_grip, scan_grip
+from sysid.fit.robot.grip import (
+    EVIDENCE,
+    ROLLER_SECONDS,
+    SHOWN,
+    GripProfile,
+    RobotParameter,
+    profile_grip,
+    scan_grip,
+)
 from sysid.fit.robot.output_error import (
     FoundRobot,
     PlantData,
@@ -207,10 +215,14 @@ def grip_beside(
     if not grip.fitted:
         return grip
     robot = replace(model.robot, friction=grip.value)
-    found = profile_grip(replace(model, robot=robot), data)
-    reason = grip.reason + (f"; no interval: {found.doubt}" if found.doubt else "")
-    error = found.value * math.hypot(found.log_error, math.log(found.value / grip.value))
-    return replace(grip, value=found.value, standard_error=error, reason=reason)
+    return _profiled(grip, profile_grip(replace(model, robot=robot), data))
+
+
+def _profiled(scanned: RobotParameter, found: GripProfile, coupling: float = 1.0) -> RobotParameter:
+    """Return a grip as its profile has it; how far that is from the scan is part of its standard error."""
+    reason = scanned.reason + (f"; no interval: {found.doubt}" if found.doubt else "")
+    error = found.value * math.hypot(found.log_error * coupling, math.log(found.value / scanned.value))
+    return replace(scanned, value=found.value, standard_error=error, reason=reason)
 
 
 def _in_turns(
@@ -238,11 +250,9 @@ def _in_turns(
             found, after = again, last
             errors.update(zip(shown, map(float, again.errors), strict=True))
     # Grip and law depend on each other; the change of the grip with the law is part of its standard error.
-    error = after.value * math.hypot(after.log_error * found.coupling, math.log(after.value / grip.value))
-    reason = grip.reason + (f"; no interval: {after.doubt}" if after.doubt else "")
     robot = replace(found.model.robot, friction=after.value)
     found = replace(found, model=replace(found.model, robot=robot))
-    return found, shown, errors, replace(grip, value=after.value, standard_error=error, reason=reason)
+    return found, shown, errors, _profiled(grip, after, found.coupling)
 
 
 def _shown(search: RobotSearch, sought: Sequence[str]) -> tuple[FoundRobot, list[str], dict[str, float]]:

@@ -10,7 +10,7 @@ import pytest
 from mecanum_env.model import Model, paper_model
 from mecanum_env.simulator import replay_bench
 from sysid.compare.least_squares import ResidualProblem, likely_frequencies
-from sysid.compare.least_squares.phases import with_unknown_phases
+from sysid.compare.least_squares.phases import _repeats_begin_alike, with_unknown_phases
 from sysid.compare.measured import observe
 from sysid.compare.model_error import Whitener
 from sysid.compare.noise import measure_noise
@@ -23,8 +23,11 @@ MODEL = paper_model()
 NOISE_RPM = 0.2
 
 
-def turned_logs(effect: str, repeats: int = 1, **values: float) -> Dataset:
-    """Return bench logs of a wheel with an effect, each group of which starts at another angle."""
+def turned_logs(effect: str, repeats: int = 1, homed: bool = True, **values: float) -> Dataset:
+    """Return bench logs of a wheel with an effect, each group of which starts at another angle.
+
+    So does each repeat of a wheel that is not homed.
+    """
     rng = np.random.default_rng(5)
     time = np.arange(0.0, 4.0, 0.01)
     runs = []
@@ -34,6 +37,8 @@ def turned_logs(effect: str, repeats: int = 1, **values: float) -> Dataset:
         true = MODEL.with_effect(effect, **values, phase_deg=float(rng.uniform(-180.0, 180.0)))
         speed = replay_bench(true, time, command)
         for k in range(repeats):
+            if k > 0 and not homed:
+                speed = replay_bench(with_phase(true, effect, 110.0 * i + 95.0), time, command)
             channels = {"speed_rpm": speed + NOISE_RPM * rng.standard_normal(time.size)}
             runs.append(Run(f"{i}_{k}.csv", f"{i}", "fit", time, BenchCommand(command), channels))
     return Dataset("turned", tuple(runs), ())
@@ -91,6 +96,13 @@ def test_repeats_that_all_start_at_one_angle_show_the_true_size(
     for name, value in values.items():
         assert found[name] == pytest.approx(value, rel=0.1)
     assert best.cost < 1.3 * problem.size
+
+
+@pytest.mark.parametrize("alike", [True, False])
+def test_what_repeats_differ_by_tells_whether_they_begin_at_one_angle(alike: bool) -> None:
+    """Where each begins at another angle they differ by the wave; where all begin alike by noise only."""
+    logs = turned_logs("encoder_eccentricity", repeats=2, homed=alike, per_turn=3.0, share=0.02)
+    assert _repeats_begin_alike(observe(logs).blocks, 3.0) is alike
 
 
 def test_the_phase_of_a_model_does_not_matter() -> None:

@@ -32,6 +32,7 @@ SET_POINT_EFFECTS = {
     "battery_sag": {"drop_per_s": st.floats(0.0, 2.0)},
     "battery_sag/voltage": {"per_volt": st.floats(0.0, 0.5)},
     "warm_up": {"share": st.floats(-0.9, 0.9), "time_constant_s": st.floats(0.01, 10.0)},
+    "warm_up/cold": {"share": st.floats(-0.9, 0.49), "time_constant_s": st.floats(0.01, 10.0)},
     "static_map": curves(),
     "speed_saturation": {"limit_rpm": st.floats(10.0, 150.0), "softness_rpm": st.floats(0.0, 200.0)},
     "acceleration_limit": {"limit_rpm_s": st.floats(10.0, 1e5), "brake_rpm_s": BRAKES},

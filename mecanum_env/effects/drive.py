@@ -25,7 +25,10 @@ PER_VOLT: Final = (0.0, 0.5)
 """Range of the shares that are lost with a volt [1/V]."""
 _ANY: Final = (-math.inf, math.inf)
 _JERKS_RPM_S2: Final = (500, 1500, 5000, 15_000, 50_000)
-
+_WARMING: Final = Parameter(
+    "time_constant_s", "s", None, (0.5, 600.0), POSITIVE, default=60.0, scan=(1, 3, 10, 30, 100, 300)
+)
+_COLD_AND_WARM: Final = "the speed at one command in a cold and in a warm drive"
 
 _CURVE: Final = MAP_PARAMETERS[MAP_KNOTS : MAP_KNOTS + 5]
 """Values that a search fits: five knots show a curve with two bends, whatever the commands."""
@@ -40,6 +43,21 @@ def _straight(scale: Scale) -> dict[str, float]:
 def _static_map(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:
     knots, mapped = map_points(values)
     return replace(drive, knots_rpm=knots, values_rpm=mapped)
+
+
+def _starts_cold(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:
+    """Return a drive whose gain begins at 1 - share of its own, and returns to it.
+
+    1 - share exp(-t / T) = (1 - share) (1 - s (1 - exp(-t / T))) with s = -share / (1 - share): a smaller
+    gain that rises as it warms up, which the plugin has.
+    """
+    left = 1.0 - values["share"]
+    return replace(
+        drive,
+        gain=drive.gain * left,
+        warm_up_share=-values["share"] / left,
+        warm_up_s=values["time_constant_s"],
+    )
 
 
 EFFECTS: Final = (
@@ -121,26 +139,34 @@ EFFECTS: Final = (
         acts_on="drive",
         parameters=(
             Parameter("share", "1", 0.0, (-0.8, 0.8), (-0.99, 0.99)),
-            Parameter(
-                "time_constant_s",
-                "s",
-                None,
-                (0.5, 600.0),
-                POSITIVE,
-                default=60.0,
-                scan=(1, 3, 10, 30, 100, 300),
-            ),
+            _WARMING,
         ),
         summary="As the drives warm up, their gain loses this share, most of it within the time constant; "
         "below 0 it rises.",
         signature="The same command gives less and less speed from the start of a run on, "
         "and after some time the same lower one.",
-        direct_check="the speed at one command in a cold and in a warm drive",
+        direct_check=_COLD_AND_WARM,
         realistic=lambda _: {"share": 0.1, "time_constant_s": 30.0},
         undone_by="command",
         change_drive=lambda drive, values, _: replace(
             drive, warm_up_share=values["share"], warm_up_s=values["time_constant_s"]
         ),
+    ),
+    Effect(
+        name="warm_up/cold",
+        station="set_point",
+        acts_on="drive",
+        parameters=(
+            # Above a half the drive would have to lose all of its gain to come down from it.
+            Parameter("share", "1", 0.0, (-0.8, 0.45), (-0.99, 0.495)),
+            _WARMING,
+        ),
+        summary="A drive whose model is that of a warm one starts cold: its gain lacks this share at the "
+        "start, and is the model's when it is warm; below 0 it begins above it.",
+        signature="The speed at one command is off at the start of a run only, and right some time later.",
+        direct_check=_COLD_AND_WARM,
+        undone_by="command",
+        change_drive=_starts_cold,
     ),
     Effect(
         name=MAP,

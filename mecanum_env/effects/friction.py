@@ -36,6 +36,10 @@ _BREAKAWAY: Final = Parameter(
 )
 _STRIBECK: Final = Parameter("stribeck_rpm", "rpm", None, (0.5, 30.0), (1e-3, 1e6), default=5.0)
 _DAMPING: Final = Parameter("damping_n_m_s_rad", "N m s/rad", 0.0, (0.0, 2.4), relative=True)
+_WARMING: Final = Parameter(
+    "time_constant_s", "s", None, (0.1, 300.0), (1e-3, 1e6), default=10.0, scan=(0.5, 3, 20, 120)
+)
+_COLD_AND_WARM: Final = "the motor's current at one speed, cold and warm"
 
 COULOMB: Final = "coulomb_friction"
 DEAD_ZONE_LIKE_IT: Final = "command_deadband/subtract"
@@ -124,8 +128,48 @@ def _viscous(values: Values) -> dict[str, float]:
 
 
 def _warm(drive: DriveParameters, values: Values, _wheel: str | None) -> DriveParameters:
-    load = replace(drive.load, friction_warm_share=values["share"], friction_warm_s=values["time_constant_s"])
-    return replace(drive, load=load)
+    return replace(
+        drive,
+        load=replace(
+            drive.load,
+            friction_warm_share=values["share"],
+            viscous_warm_share=values["share"],
+            friction_warm_s=values["time_constant_s"],
+        ),
+    )
+
+
+def _cold(drive: DriveParameters, values: Values, _wheel: str | None) -> DriveParameters:
+    """Return a drive whose bearing begins with 1 + share times its frictions, and comes down to them.
+
+    1 + share exp(-t / T) = (1 + share) (1 - s (1 - exp(-t / T))) with s = share / (1 + share): a larger
+    friction that falls as it warms up, which the plugin has.
+    """
+    load, dry, viscous = drive.load, 1.0 + values["share"], 1.0 + values["viscous_share"]
+    return replace(
+        drive,
+        load=replace(
+            load,
+            breakaway_n_m=dry * load.breakaway_n_m,
+            coulomb_n_m=dry * load.coulomb_n_m,
+            viscous_n_m_s_rad=viscous * load.viscous_n_m_s_rad,
+            friction_warm_share=values["share"] / dry,
+            viscous_warm_share=values["viscous_share"] / viscous,
+            friction_warm_s=values["time_constant_s"],
+        ),
+    )
+
+
+def _cold_joints(spec: mujoco.MjSpec, values: Values, _model: Model, plant: PlantKind) -> None:
+    bodies = ("base_x", "base_y", "base_yaw") if plant == "planar" else ()
+    for joint in spec.joints:
+        if joint.name in ("wheel", *_WHEEL_JOINTS, *bodies):
+            joint.damping[0] *= 1.0 + values["viscous_share"]
+
+
+def _cold_body(body: PlanarBody, values: Values) -> PlanarBody:
+    damping = body.wheel_damping_n_m_s_rad * (1.0 + values["viscous_share"])
+    return replace(body, wheel_damping_n_m_s_rad=damping)
 
 
 EFFECTS: Final = (
@@ -133,16 +177,11 @@ EFFECTS: Final = (
         name="warm_up/friction",
         station="load",
         acts_on="wheel joint",
-        parameters=(
-            Parameter("share", "1", 0.0, (0.0, 0.98), (0.0, 1.0)),
-            Parameter(
-                "time_constant_s", "s", None, (0.1, 300.0), (1e-3, 1e6), default=10.0, scan=(0.5, 3, 20, 120)
-            ),
-        ),
+        parameters=(Parameter("share", "1", 0.0, (0.0, 0.98), (0.0, 1.0)), _WARMING),
         summary="The bearing's frictions fall by this share of themselves while it warms up; a model without "
         "friction has none to lose.",
         signature="The loss in speed and the hold at rest fade from the start of the run on.",
-        direct_check="the motor's current at one speed, cold and warm",
+        direct_check=_COLD_AND_WARM,
         undone_by="command",
         change_drive=_warm,
     ),
@@ -226,5 +265,24 @@ EFFECTS: Final = (
         change_drive=_loads(_viscous),
         change_spec=_damped_joints,
         change_planar=_damped_body,
+    ),
+    Effect(
+        name="warm_up/cold_friction",
+        station="load",
+        acts_on="wheel joint",
+        parameters=(
+            Parameter("share", "1", 0.0, (0.0, 4.0), (0.0, 1e3)),
+            Parameter("viscous_share", "1", 0.0, (0.0, 4.0), (0.0, 1e3)),
+            _WARMING,
+        ),
+        summary="A bearing whose model is that of a warm one starts cold: its Coulomb friction and stiction "
+        "are larger by `share` of themselves at the start, its viscous friction by `viscous_share`, and all "
+        "are the model's when it is warm.",
+        signature="The loss in speed and the hold at rest are larger at the start of a run only.",
+        direct_check=_COLD_AND_WARM,
+        undone_by="command",
+        change_drive=_cold,
+        change_spec=_cold_joints,
+        change_planar=_cold_body,
     ),
 )

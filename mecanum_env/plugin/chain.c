@@ -177,16 +177,16 @@ static double custom_torque(const Drive* s, const double* p, const Substep* now,
   return kv * (high - alone) / gain;
 }
 
-// The share of the bearing's friction that is left: it falls from 1 while the bearing warms up.
-static double cold(const Drive* s, const double* p, const Substep* now) {
-  if (!(p[WARM_SHARE] > 0 && p[WARM_TIME] > 0)) return 1;
+// The share that is left of a friction of the bearing, of which a warm one has lost `lost`.
+static double cold(const Drive* s, const double* p, const Substep* now, double lost) {
+  if (!(lost > 0 && p[WARM_TIME] > 0)) return 1;
   double seconds = (s->substeps - 1) * now->timestep;
-  return 1 - p[WARM_SHARE] * (1 - exp(-seconds / p[WARM_TIME]));
+  return 1 - lost * (1 - exp(-seconds / p[WARM_TIME]));
 }
 
 // What a warm bearing has lost of its viscous friction, which the engine's damping of the joint holds at its cold value.
 static double thawed(const Drive* s, const double* p, const Substep* now) {
-  return p[VISCOUS] * (1 - cold(s, p, now)) * now->speed;
+  return p[VISCOUS] * (1 - cold(s, p, now, p[VISCOUS_WARM_SHARE])) * now->speed;
 }
 
 // Friction of the wheel's bearing: the torque that brings the wheel to rest in this substep, limited to
@@ -198,7 +198,7 @@ static double thawed(const Drive* s, const double* p, const Substep* now) {
 // torques on the wheel (a slope) are estimated from its motion and smoothed: without smoothing, wheels that stick
 // on the rollers' soft contacts tremble by up to 0.5 rpm per substep, with LOAD_SMOOTHING not at all.
 static double friction(const Drive* s, const double* p, const Substep* now, double drive) {
-  double share = cold(s, p, now), breakaway = p[BREAKAWAY] * share, coulomb = p[COULOMB] * share;
+  double share = cold(s, p, now, p[WARM_SHARE]), breakaway = p[BREAKAWAY] * share, coulomb = p[COULOMB] * share;
   double stribeck = p[STRIBECK], limit = coulomb;
   int falling = breakaway > 0 && stribeck > 0;  // friction falls with speed
   if (!(limit > 0 || falling)) return 0;

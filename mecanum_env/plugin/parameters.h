@@ -84,7 +84,8 @@
   X(GAP_DAMPING, "gap_damping", NOT_BELOW_0)                \
   X(GAP_SLOWING, "gap_slowing_rad_s2", NOT_BELOW_0)         \
   X(SERVO_WINDUP, "servo_windup", PART)                     \
-  X(LAW_WINDUP, "windup", PART)
+  X(LAW_WINDUP, "windup", PART)                             \
+  X(VISCOUS_WARM_SHARE, "viscous_warm_share", NOT_BELOW_0)
 
 // What the wheel does while the motor crosses the backlash, as values of GAP_KIND.
 enum { COAST, LIGHT };

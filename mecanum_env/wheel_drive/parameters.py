@@ -31,7 +31,7 @@ USER: Final = (
     *("subtracted_rpm", "warm_up_share", "warm_up_s", "map_knots", *MAP_PARAMETERS),
     *("brake_rpm_s", "jerk_rpm_s2", "jitter_s", "loss", "link_seed"),
     *("gain_per_volt", "supply_per_volt", "gap_swing_rad_s", "gap_damping", "gap_slowing_rad_s2"),
-    *("servo_windup", "windup"),
+    *("servo_windup", "windup", "viscous_warm_share"),
 )
 """The servo and the effects; from "deadband_rpm" on 0 means "off", also for a gain.
 

@@ -60,7 +60,7 @@ class Parts:
             ripple=acts("ripple_n_m", "ripple_share"),
             supply=acts("supply_rpm"),
             custom=any(has_program[name] for name in PROGRAMS),
-            friction=acts("coulomb_n_m", "breakaway_n_m", "friction_warm_share"),
+            friction=acts("coulomb_n_m", "breakaway_n_m", "friction_warm_share", "viscous_warm_share"),
             integral=acts("servo_integral_n_m_rad"),
             rotor=acts("rotor_kg_m2"),
         )

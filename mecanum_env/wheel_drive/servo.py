@@ -72,9 +72,10 @@ def torques(
     custom = _custom(s, p, speed, timestep_s, drive, lost_v) if parts.custom else None
     if not parts.friction:
         return Torques(asked, drive, None, custom)
-    cold = _coldness(s, p, timestep_s, parts)
+    cold = _coldness(s, p, timestep_s, p["friction_warm_share"], parts)
     # What a warm bearing has lost of its viscous friction, which the engine's joint holds at its cold value.
-    back = p["viscous_n_m_s_rad"] * (1 - cold) * speed
+    left = _coldness(s, p, timestep_s, p["viscous_warm_share"], parts)
+    back = p["viscous_n_m_s_rad"] * (1 - left) * speed
     others = drive + back if custom is None else drive + back + custom
     friction = back + _friction(s, p, speed, timestep_s, others, cold, parts)
     return Torques(asked, drive, friction, custom)
@@ -199,10 +200,10 @@ def _custom(
     return custom_torque(p["load_program"], now, p["servo_n_m_s_rad"], per_torque, speed, drive)
 
 
-def _coldness(s: DriveState, p: Sets, h: float, parts: Parts) -> FloatArray:
-    """Return the shares of the bearings' friction that are left, shape (sets, 1)."""
+def _coldness(s: DriveState, p: Sets, h: float, share: FloatArray, parts: Parts) -> FloatArray:
+    """Return what is left of a friction of which warm bearings have lost a `share`, both (sets, 1)."""
     xp = parts.xp
-    share, time_s = p["friction_warm_share"], p["friction_warm_s"]
+    time_s = p["friction_warm_s"]
     warms = (share > 0.0) & (time_s > 0.0)
     if not bool(warms.any()):
         whole: FloatArray = xp.ones_like(share)

@@ -39,9 +39,9 @@ class WheelLoad:
     viscous_n_m_s_rad: float = 0.0
     """Viscous friction of the bearing [N m s/rad]. The engine's joint has it; here it is what may warm up."""
     friction_warm_share: float = 0.0
-    """Share of the bearing's friction that is lost when it is warm."""
+    """Share of the bearing's dry friction, at rest and in motion, that is lost when it is warm."""
     friction_warm_s: float = 0.0
-    """Time constant of that loss [s]; 0: none."""
+    """Time constant of that loss, and of that of viscous friction [s]; 0: none."""
     ripple_n_m: float = 0.0
     """Amplitude of a torque that follows the wheel's angle [N m]."""
     ripple_share: float = 0.0
@@ -52,6 +52,8 @@ class WheelLoad:
     """Phase of that torque where the run starts [rad]."""
     answer_s: float = 0.0
     """Lag of the drive's answer to a load [s]: that of a rotor which the servo accelerates."""
+    viscous_warm_share: float = 0.0
+    """Share of the bearing's viscous friction that is lost when it is warm."""
 
     def __post_init__(self) -> None:
         if self.gap_kind not in GAP_KINDS:
@@ -63,8 +65,9 @@ class WheelLoad:
                 raise InputError(f"{name} = {value}, must be finite and not below 0")
         if not math.isfinite(self.ripple_phase_rad):
             raise InputError(f"ripple_phase_rad = {self.ripple_phase_rad}, must be finite")
-        if self.friction_warm_share > 1.0:
-            raise InputError(f"friction_warm_share = {self.friction_warm_share}, must be at most 1")
+        for name in ("friction_warm_share", "viscous_warm_share"):
+            if getattr(self, name) > 1.0:
+                raise InputError(f"{name} = {getattr(self, name)}, must be at most 1")
 
     @property
     def acts(self) -> bool:

@@ -65,6 +65,7 @@ BESIDE = {
     ("viscous_friction/washed_out", "answer_s"): {"damping_n_m_s_rad": 0.3},
     ("viscous_friction/washed_out", "washout_s"): {"damping_n_m_s_rad": 0.3},
     ("warm_up/friction", "time_constant_s"): {"share": 0.8},
+    ("warm_up/cold_friction", "time_constant_s"): {"share": 2.0},
     ("torque_ripple", "per_turn"): {"torque_n_m": 0.5},
     ("torque_ripple", "phase_deg"): {"torque_n_m": 0.5},
     **{
@@ -75,11 +76,18 @@ BESIDE = {
     ("encoder_eccentricity", "phase_deg"): {"share": 0.1},
     ("sensor_bias/drift", "per_s"): {"vx_m_s": 0.1},
     ("warm_up", "time_constant_s"): {"share": 0.5},
+    ("warm_up/cold", "time_constant_s"): {"share": 0.4},
     ("acceleration_limit", "brake_rpm_s"): {"limit_rpm_s": 300.0},
     ("acceleration_limit/s_curve", "brake_rpm_s"): {"limit_rpm_s": 300.0},
 }
 # Other effects without which this one has nothing to act on.
-COMPANIONS = {"warm_up/friction": {"coulomb_friction": {"torque_n_m": 0.5}}}
+COMPANIONS = {
+    "warm_up/friction": {"coulomb_friction": {"torque_n_m": 0.5}},
+    "warm_up/cold_friction": {
+        "coulomb_friction": {"torque_n_m": 0.5},
+        "viscous_friction": {"damping_n_m_s_rad": 0.2},
+    },
+}
 
 
 def clear_value(name: str, parameter: str) -> float:

@@ -28,10 +28,11 @@ from .conftest import acting, channels, clear_model, clear_value
 ROOT = Path(__file__).parents[2]
 CHAIN = """command_latency command_latency/jitter command_loss body_speed_limit body_acceleration_limit
 command_deadband command_deadband/subtract speed_gain wheel_gain_mismatch direction_asymmetry
-battery_sag battery_sag/voltage warm_up warm_up/friction static_map speed_saturation speed_saturation/supply
+battery_sag battery_sag/voltage warm_up warm_up/friction warm_up/cold static_map
+speed_saturation speed_saturation/supply
 acceleration_limit acceleration_limit/drive acceleration_limit/s_curve load_inertia load_inertia/integral
 weak_servo backlash backlash/rest backlash/spring coulomb_friction coulomb_friction/washed_out
-stiction stiction/washed_out viscous_friction viscous_friction/washed_out
+stiction stiction/washed_out viscous_friction viscous_friction/washed_out warm_up/cold_friction
 torque_ripple torque_ripple/washed_out
 roller_friction low_grip payload com_offset wheel_radius track_width floor_slope
 mount_yaw encoder_eccentricity

@@ -99,6 +99,16 @@ def test_a_drive_that_warms_up_loses_or_gains_its_share(base, share):
     )
 
 
+@pytest.mark.parametrize("share", [0.3, -0.2])
+def test_a_cold_drive_ends_at_the_gain_of_the_model(base, share):
+    model = base.with_effect("warm_up", "cold", share=share, time_constant_s=0.5)
+    time = np.arange(0.0, 6.0, 0.01)
+    speed = replay_bench(model, time, np.full(time.shape, 80.0))
+    assert speed[-20:].mean() == pytest.approx(80.0, abs=0.01)
+    # One time constant after the start, and the law's lag.
+    assert speed[np.abs(time - 0.61) < 0.05].mean() == pytest.approx(80 * (1 - share / np.e), rel=0.01)
+
+
 def test_a_gain_cannot_be_lost_altogether(base):
     with pytest.raises(InputError, match=r"effects\.warm_up\.share = 1, must be"):
         replay_bench(base.with_effect("warm_up", share=1.0), TIME, TIME)

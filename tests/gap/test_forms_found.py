@@ -72,6 +72,18 @@ def test_a_friction_that_warms_up_is_found_where_the_model_has_friction(bench_lo
     assert values["share"] == pytest.approx(0.6, rel=0.2)
 
 
+@pytest.mark.parametrize(
+    ("name", "base", "share"),
+    [("warm_up/cold", MODEL, 0.1), ("warm_up/cold", MODEL, -0.1), ("warm_up/cold_friction", RUBBING, 1.5)],
+)
+def test_a_cold_start_of_a_drive_that_was_fitted_warm_is_one_effect(
+    bench_logs: MakeLogs, name: str, base: Model, share: float
+) -> None:
+    left, values = found(bench_logs, base, name, {"share": share, "time_constant_s": 0.8})
+    assert left < 1.3
+    assert values["share"] == pytest.approx(share, rel=0.2)
+
+
 def test_a_curve_is_found_as_a_map(bench_logs: MakeLogs) -> None:
     hidden = {"knot_1_rpm": 48.0, "value_1_rpm": 30.0, "knot_2_rpm": 120.0, "value_2_rpm": 120.0}
     left, values = found(bench_logs, MODEL, "static_map", hidden)

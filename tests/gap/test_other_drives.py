@@ -41,6 +41,8 @@ class Motor:
     inertia_kg_m2: float = 0.05
     viscous: float = 0.02
     coulomb_n_m: float = 0.1
+    cold: float = 0.0
+    """Share by which a cold bearing's Coulomb friction is larger; it warms up within some 4 s."""
     lag_s: float = 0.0
     uneven: float = 0.0
 
@@ -66,12 +68,13 @@ class Motor:
                 wound += off * 2.0 * _STEP_S if volt == asked else 0.0
             current = max(-_AMPERE, min(_AMPERE, (volt - _VOLT_S * speed) / _OHM))
             torque = _VOLT_S * current - self.viscous * speed
-            if abs(speed) < 0.02 and abs(torque) < self.coulomb_n_m:
+            coulomb = self.coulomb_n_m * (1.0 + self.cold * math.exp(-i * _STEP_S / 4.0))
+            if abs(speed) < 0.02 and abs(torque) < coulomb:
                 speed = 0.0
             else:
-                rubs = math.copysign(self.coulomb_n_m, speed if abs(speed) >= 0.02 else torque)
+                rubs = math.copysign(coulomb, speed if abs(speed) >= 0.02 else torque)
                 after = speed + _STEP_S * (torque - rubs) / self.inertia_kg_m2
-                speed = 0.0 if after * speed < 0.0 and abs(torque) < self.coulomb_n_m else after
+                speed = 0.0 if after * speed < 0.0 and abs(torque) < coulomb else after
             angle += speed * _STEP_S
             seen = speed * (1.0 + self.uneven * math.sin(angle)) / RAD_S_PER_RPM
             shown = seen if self.lag_s == 0.0 else shown + (seen - shown) * _STEP_S / self.lag_s
@@ -141,6 +144,14 @@ def test_a_change_is_named_or_tied_with_what_looks_alike(
     report = study(changed, model, of_fit)
     assert {(name,)} <= set(report.candidates) <= {(name,), (twins.get(name, name),)}
     assert closure(report) > 0.9
+
+
+def test_a_cold_bearing_of_a_drive_that_was_fitted_warm_is_one_effect(model: Model, of_fit: Dataset) -> None:
+    report = study(Motor(cold=3.0), model, of_fit)
+    assert report.candidates == (("warm_up",),)
+    values = {name: found.value for name, found in report.effects[0].parameters.items()}
+    assert values == {"share": pytest.approx(3.0, rel=0.15), "time_constant_s": pytest.approx(4.0, rel=0.2)}
+    assert closure(report) > 0.8
 
 
 def test_an_uneven_encoder_is_as_uneven_as_it_is(model: Model, of_fit: Dataset) -> None:

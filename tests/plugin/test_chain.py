@@ -55,6 +55,7 @@ RANGES = {
     "gap_slowing_rad_s2": (1.0, 1000.0),
     "servo_windup": (0.1, 1.0),
     "windup": (0.1, 1.0),
+    "viscous_warm_share": (0.1, 1.0),
 }
 """Parameters that may be 0, and the range of their other values."""
 STEERING = ("voltage", "sin(5 * time)", "sign(command)", "min(abs(speed), 3) * cos(angle)", "exp(-time)")

@@ -56,6 +56,11 @@ EFFECTS = {
     "viscous_friction": {"damping_n_m_s_rad": st.floats(0.0, 0.5)},
     "viscous_friction/washed_out": {"damping_n_m_s_rad": st.floats(0.0, 0.5), "answer_s": ANSWERS},
     "warm_up/friction": {"share": st.floats(0.0, 1.0), "time_constant_s": st.floats(0.1, 10.0)},
+    "warm_up/cold_friction": {
+        "share": st.floats(0.0, 10.0),
+        "viscous_share": st.floats(0.0, 10.0),
+        "time_constant_s": st.floats(0.1, 10.0),
+    },
     "torque_ripple": {
         "per_turn": st.floats(1.0, 24.0),
         "share": st.floats(0.0, 0.5),

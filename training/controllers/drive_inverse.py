@@ -59,9 +59,11 @@ class _Friction:
     """Droop that comes on top at rest."""
     stribeck_rpm: float = 0.0
     """Speed at which 63 % of that is gone."""
-    warm_share: float = 0.0
+    dry_share: float = 0.0
+    viscous_share: float = 0.0
     warm_s: float = 0.0
-    """Share of all droop that a warm bearing loses, and the time constant; 0 s: it does not warm up."""
+    """Shares that a warm bearing loses of the droop at any speed and of that in proportion to the speed,
+    and the time constant; 0 s: it does not warm up."""
 
     @staticmethod
     def of(robot: Robot, load: WheelLoad) -> _Friction:
@@ -75,16 +77,19 @@ class _Friction:
             load.breakaway_n_m * rpm,
             load.stribeck_rad_s / RAD_S_PER_RPM,
             load.friction_warm_share,
+            load.viscous_warm_share,
             load.friction_warm_s,
         )
 
     def at(self, seconds: float) -> _Friction:
         """Return the friction that is left at a time since the start."""
-        if self.warm_share == 0.0 or self.warm_s == 0.0:
+        if self.warm_s == 0.0:
             return self
-        left = float(warm_up_gain(self.warm_share, self.warm_s, seconds))
+        dry, viscous = (
+            float(warm_up_gain(share, self.warm_s, seconds)) for share in (self.dry_share, self.viscous_share)
+        )
         return _Friction(
-            left * self.constant_rpm, left * self.relative, left * self.breakaway_rpm, self.stribeck_rpm
+            dry * self.constant_rpm, viscous * self.relative, dry * self.breakaway_rpm, self.stribeck_rpm
         )
 
     def speed(self, driven_rpm: FloatArray) -> FloatArray:

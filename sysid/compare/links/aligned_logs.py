@@ -52,15 +52,19 @@ class AlignedLogs:
     """Period of the clock on which the moved changes lie [s]."""
     logs: Dataset
     """The logs as they are."""
+    as_means: bool = False
+    """Whether the rows have the means of the command over the law's ticks."""
 
     @classmethod
     def of(cls, dataset: Dataset, given: Model, clock: LinkClock, delays: LinkDelays) -> AlignedLogs:
         """Return bench logs with each change of command moved by its delay beyond the common one.
 
-        Moved changes lie on a fine clock and have a row of their own, without samples; those from between
-        rows, whose times are found more finely, have their means over the law's ticks. Lost changes are left
-        out. Samples count less where the speed follows from a delay that is not sure. A run that begins with
-        a change begins earlier, at rest. Runs whose changes acted at different times are no repeats any more.
+        Moved changes have a row of their own, without samples. They lie on a fine clock if the law takes the
+        mean over each of its ticks, which it can where commands are late by a tick at least. Else the rows
+        have these means, as they do for changes from between rows, whose times are found more finely. Lost
+        changes are left out. Samples count less where the speed follows from a delay that is not sure. A run
+        that begins with a change begins earlier, at rest. Runs whose changes acted at different times are no
+        repeats any more.
 
         Args:
             dataset: the logs.
@@ -68,10 +72,10 @@ class AlignedLogs:
             clock: what is known of their link.
             delays: of their changes, as `link_delays` finds them on that clock.
         """
-        between = late_between_rows(given) is not None
-        period_s = clock.tick_s if between else clock.period_s(delays.mean_s)
-        moved = _moved(dataset, delays, period_s, within_ticks=between)
-        return cls(moved, delays, given, clock, period_s, dataset)
+        as_means = late_between_rows(given) is not None or delay_of(given) < clock.tick_s
+        period_s = clock.tick_s if as_means else clock.period_s(delays.mean_s)
+        moved = _moved(dataset, delays, period_s, as_means)
+        return cls(moved, delays, given, clock, period_s, dataset, as_means)
 
     @classmethod
     def stated(cls, dataset: Dataset, given: Model, timed_by: Model | None = None) -> AlignedLogs | None:
@@ -137,7 +141,7 @@ class AlignedLogs:
             return other
         if delays is None:
             delays = _delays(self.given, other.runs, self.clock)
-        return _moved(other, delays, self.period_s, within_ticks=self.between_rows)
+        return _moved(other, delays, self.period_s, self.as_means)
 
     def as_stated(self, model: Model) -> Model:
         """Return a model of these logs as one of the logs as they were, with the given model's link."""
@@ -184,11 +188,11 @@ def _delays(given: Model, runs: Sequence[Run], clock: LinkClock) -> LinkDelays:
     return replace(found, mean_s=delay_of(given))
 
 
-def _moved(dataset: Dataset, found: LinkDelays, period_s: float, *, within_ticks: bool) -> Dataset:
+def _moved(dataset: Dataset, found: LinkDelays, period_s: float, as_means: bool) -> Dataset:
     runs: list[Run] = []
     for index, run in enumerate(dataset.runs):
         own = [i for i, change in enumerate(found.changes) if change.run == index]
-        runs.append(_moved_run(run, index, found, own, period_s, within_ticks))
+        runs.append(_moved_run(run, index, found, own, period_s, as_means))
     arrivals: dict[str, set[tuple[int, ...]]] = {}
     for before, run in zip(dataset.runs, runs, strict=True):
         times = np.rint((run.command_changes()[0] - run.time_s[0]) / period_s).astype(int)
@@ -199,7 +203,7 @@ def _moved(dataset: Dataset, found: LinkDelays, period_s: float, *, within_ticks
 
 
 def _moved_run(
-    run: Run, index: int, found: LinkDelays, own: Sequence[int], period_s: float, within_ticks: bool
+    run: Run, index: int, found: LinkDelays, own: Sequence[int], period_s: float, as_means: bool
 ) -> Run:
     acting = [i for i in own if not found.lost[i]]
     if not own:
@@ -210,7 +214,7 @@ def _moved_run(
         lead = 0.0
     levels = np.array([found.changes[own[0]].before_rpm, *(found.changes[i].after_rpm for i in acting)])
     stamps = run.time_s + lead
-    if within_ticks:
+    if as_means:
         at_s = np.maximum.accumulate(moved + lead)
         ticks, levels = means_over_ticks(at_s, levels, period_s, float(stamps[-1]))
         arrivals = ticks[1:]

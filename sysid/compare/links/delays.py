@@ -110,8 +110,7 @@ def link_delays(model: Model, runs: Sequence[Run], clock: LinkClock) -> LinkDela
     The `model` predicts them, without the link that it has itself.
     """
     changes = changes_of(runs, clock.latch_s)
-    fine = on_time(model, clock.period_s())
-    seen = SeenChanges(fine, runs, changes)
+    seen = SeenChanges(_within_ticks(model, clock), runs, changes)
     delays, lost = np.zeros(len(changes)), np.zeros(len(changes), bool)
     found = seen.likelihoods(delays, lost)
     # All changes are late by the common delay first: their own would follow what others leave.
@@ -153,9 +152,7 @@ def delays_between_rows(
     or, if that is None, by the likeliest time.
     """
     changes = changes_of(runs, clock.latch_s, between_rows=True)
-    # Means of commands are no whole numbers.
-    exact = replace(model, wheel=replace(model.wheel, command_quantum_rpm=0.0))
-    seen = SeenChanges(on_time(exact, clock.tick_s), runs, changes, within_ticks=True)
+    seen = SeenChanges(_within_ticks(model, clock), runs, changes)
     none_lost = np.zeros(len(changes), bool)
     same = between_rows.repeated(runs, changes)
     given = np.array([change.given_s for change in changes])
@@ -195,3 +192,10 @@ def delays_between_rows(
         lost_likelihood=found.lost,
         untrended=untrended,
     )
+
+
+def _within_ticks(model: Model, clock: LinkClock) -> Model:
+    """Return the model without delay as `SeenChanges` takes it, whose commands are means over ticks."""
+    # Such means are no whole numbers.
+    exact = replace(model, wheel=replace(model.wheel, command_quantum_rpm=0.0))
+    return on_time(exact, clock.tick_s)

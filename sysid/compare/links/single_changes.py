@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from mecanum_env.effects.apply import sensors_of, without_sensors
 from mecanum_env.model import Model
 from mecanum_env.simulator.bench import bench_motions
 from mecanum_env.simulator.free_wheel import BenchRun
@@ -29,6 +30,7 @@ _AFTER_S: Final = 0.6
 """Time beyond the longest delay that a change's samples are compared for [s]: a drive's response is over."""
 _SETTLED_S: Final = 1.0
 """Time for which the command before a change is held before its response is simulated [s]."""
+_SPEED: Final = "speed_rpm"
 _FEW_SAMPLES: Final = 5  # a change seen in fewer samples tells nothing
 
 
@@ -47,14 +49,12 @@ class Likelihoods:
 class SeenChanges:
     """The samples of bench `runs` that show their `changes`, and what a `model` says of them.
 
-    The model has no delay. Arrivals are simulated on the clock of the model's commands.
+    The model has no delay, takes commands at the ticks of its law, and does not round them: a command that
+    arrives within a tick is simulated as its mean over the tick. At the next tick it would act late.
     """
 
-    def __init__(
-        self, model: Model, runs: Sequence[Run], changes: Sequence[Change], *, within_ticks: bool = False
-    ) -> None:
-        """Take what is known; with `within_ticks` commands change within the ticks of the model's law."""
-        self._within_ticks = within_ticks
+    def __init__(self, model: Model, runs: Sequence[Run], changes: Sequence[Change]) -> None:
+        """Take what is known."""
         self._model, self._runs, self._changes = model, runs, changes
         self._responses = _responses(model, changes)
         self._windows = _windows(runs, changes)
@@ -103,12 +103,11 @@ class SeenChanges:
             acting = [i for i in own if not lost[i]]
             times = np.maximum.accumulate([0.0, *(changes[i].given_s + delay_s[i] for i in acting)])
             levels = np.array([first, *(changes[i].after_rpm for i in acting)])
-            if self._within_ticks:
-                tick_s = self._model.wheel.law.sample_period_s
-                times, levels = means_over_ticks(times[1:], levels, tick_s, run.duration_s)
+            tick_s = self._model.wheel.law.sample_period_s
+            times, levels = means_over_ticks(times[1:], levels, tick_s, run.duration_s)
             keep = np.append(np.diff(times) > 0.0, True)
             commands.append(BenchRun(times[keep], levels[keep], run.duration_s, initial))
-        return bench_motions([self._model], commands)[0]
+        return _seen_motions(self._model, commands)
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,8 +126,8 @@ def _windows(runs: Sequence[Run], changes: Sequence[Change]) -> list[_Window]:
         after = changes[index + 1] if index + 1 < len(changes) else None
         if after is not None and after.run == change.run:
             end = min(end, after.given_s)
-        rows = run.finite("speed_rpm") & (run.time_s >= change.given_s) & (run.time_s < end)
-        found.append(_Window(run.time_s[rows], run.channels["speed_rpm"][rows]))
+        rows = run.finite(_SPEED) & (run.time_s >= change.given_s) & (run.time_s < end)
+        found.append(_Window(run.time_s[rows], run.channels[_SPEED][rows]))
     return found
 
 
@@ -156,12 +155,19 @@ def _responses(model: Model, changes: Sequence[Change]) -> list[_Response]:
     # A slow pole may not have settled: its drift is there without the change, too.
     both = [levels for before, after in different for levels in ((before, after), (before, before))]
     runs = [BenchRun(at, np.array(levels), duration_s, initial_rpm=levels[0]) for levels in both]
-    motions = bench_motions([model], runs)[0]
+    motions = _seen_motions(model, runs)
     found = {}
     for step, (clock_s, changed), (_, held) in zip(different, motions[::2], motions[1::2], strict=True):
         start = int(np.searchsorted(clock_s, settled_s - 1e-9))
         found[step] = _Response(clock_s[start:] - settled_s, (changed - held)[start:])
     return [found[step] for step in steps]
+
+
+def _seen_motions(model: Model, runs: Sequence[BenchRun]) -> list[tuple[FloatArray, FloatArray]]:
+    """Return clocks [s] and speeds [rpm] on them as the sensors of the model show them, which may be late."""
+    read = sensors_of(model)
+    motions = bench_motions([without_sensors(model)], runs)[0]
+    return [(clock, read(clock, {_SPEED: speed})[_SPEED]) for clock, speed in motions]
 
 
 def _log_likelihood(scaled: FloatArray) -> FloatArray:

@@ -21,6 +21,14 @@ _SENSORS: Final[Mapping[str, tuple[str, tuple[str, ...], tuple[PlantKind, ...]]]
     "pose": ("pose", POSE, ("bench",)),
 }
 """Form of sensor_latency -> what is late, its channels, and the plants without them."""
+_VELOCITY: Final = ("vx_m_s", "vy_m_s")
+_PATH: Final = ("x_m", "y_m")
+_MOUNTED: Final[Mapping[str, tuple[str, str, tuple[str, str]]]] = {
+    "body": ("sensor of velocity", "measured velocity", _VELOCITY),
+    "pose": ("sensor of the pose", "measured path", _PATH),
+}
+"""Form of mount_yaw -> which sensor is turned, what it shows, and the channels of that."""
+_ANGLE: Final = Parameter("angle_deg", "deg", 0.0, (-30.0, 30.0), (-360.0, 360.0))
 _ANY: Final = (-math.inf, math.inf)
 _FACTOR: Final = (-10.0, 10.0)
 _TIMES_S: Final = (0.005, 0.02, 0.05, 0.1, 0.2, 0.4)
@@ -113,12 +121,17 @@ def _factor(name: str, values: Values) -> float:
     return values["wheel"] if name.startswith("speed_") else values.get(_SCALED.get(name, ""), 1.0)
 
 
-def _in_turned_frame(channels: Channels, angle_deg: float) -> dict[str, FloatArray]:
-    """Turn velocity and path, which keeps the measured pose the integral of the measured velocity."""
+def _in_turned_frame(
+    channels: Channels, angle_deg: float, pairs: tuple[tuple[str, str], ...] = (_VELOCITY, _PATH)
+) -> dict[str, FloatArray]:
+    """Turn velocity and path, which keeps the measured pose the integral of the measured velocity.
+
+    With one of the `pairs` of channels only that is turned.
+    """
     angle = math.radians(angle_deg)
     cos, sin = math.cos(angle), math.sin(angle)
     shown = dict(channels)
-    for x, y in (("vx_m_s", "vy_m_s"), ("x_m", "y_m")):
+    for x, y in pairs:
         if x in channels:
             shown[x] = cos * channels[x] + sin * channels[y]
             shown[y] = cos * channels[y] - sin * channels[x]
@@ -147,13 +160,38 @@ def _latencies() -> Iterator[Effect]:
         )
 
 
+def _turning(pair: tuple[str, str], sign: float) -> ChangeChannels:
+    """Return a function that turns one pair of channels by the angle times a sign."""
+    return lambda _, channels, values: _in_turned_frame(channels, sign * values["angle_deg"], (pair,))
+
+
+def _mounts() -> Iterator[Effect]:
+    """Yield the forms of mount_yaw in which one sensor is turned and the other is not."""
+    for form, (sensor, shown, pair) in _MOUNTED.items():
+        yield Effect(
+            name=f"mount_yaw/{form}",
+            station="sensor",
+            acts_on="geometry",
+            exact=True,
+            parameters=(_ANGLE,),
+            summary=f"Only the {sensor} is turned on the body by this angle, counter-clockwise positive.",
+            signature=f"The {shown} of straight commands has a sideways part that other sensors do not show.",
+            direct_check=f"the angle between the {sensor} and the chassis",
+            absent_from=("bench",),
+            undone_by="observation",
+            restore_channels=_turning(pair, -1.0),
+            change_channels=_turning(pair, 1.0),
+        )
+
+
 EFFECTS: Final = (
     Effect(
         name="mount_yaw",
+        first_form="all",
         station="sensor",
         acts_on="geometry",
         exact=True,
-        parameters=(Parameter("angle_deg", "deg", 0.0, (-30.0, 30.0), (-360.0, 360.0)),),
+        parameters=(_ANGLE,),
         summary="The measured frame is turned on the body by this angle, counter-clockwise positive.",
         signature="Straight commands show a sideways part in proportion to speed; rotation is unchanged.",
         direct_check="the angle between sensor and chassis",
@@ -163,6 +201,7 @@ EFFECTS: Final = (
         restore_channels=lambda _, channels, values: _in_turned_frame(channels, -values["angle_deg"]),
         change_channels=lambda _, channels, values: _in_turned_frame(channels, values["angle_deg"]),
     ),
+    *_mounts(),
     Effect(
         name="encoder_eccentricity",
         first_form="sensor",

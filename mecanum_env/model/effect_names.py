@@ -59,6 +59,7 @@ _SCHEMA: Final[dict[str, tuple[str, ...]]] = {
     "track_width": ("scale",),
     "floor_slope": ("slope_deg", "heading_deg"),
     "mount_yaw": ("angle_deg",),
+    **{f"mount_yaw/{form}": ("angle_deg",) for form in ("body", "pose")},
     "encoder_eccentricity": ("per_turn", "share", "phase_deg"),
     "sensor_latency": ("delay_s",),
     **{f"sensor_latency/{form}": ("delay_s",) for form in ("wheels", "body", "pose")},
@@ -88,6 +89,7 @@ _FIRST_FORMS: Final[dict[str, str]] = {
     "torque_ripple": "load",
     "sensor_latency": "all",
     "sensor_lowpass": "lag",
+    "mount_yaw": "all",
     "encoder_eccentricity": "sensor",
     "sensor_bias": "constant",
 }

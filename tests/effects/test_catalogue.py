@@ -35,7 +35,7 @@ weak_servo backlash backlash/rest backlash/spring coulomb_friction coulomb_frict
 stiction stiction/washed_out viscous_friction viscous_friction/washed_out warm_up/cold_friction
 torque_ripple torque_ripple/washed_out
 roller_friction low_grip payload com_offset wheel_radius track_width floor_slope
-mount_yaw encoder_eccentricity
+mount_yaw mount_yaw/body mount_yaw/pose encoder_eccentricity
 sensor_latency sensor_latency/wheels sensor_latency/body sensor_latency/pose
 sensor_lowpass sensor_lowpass/window sensor_scale sensor_bias sensor_bias/drift"""
 CHECKED_ALONE = [effect for effect in CATALOGUE.values() if effect.name != "static_map"]

@@ -92,6 +92,23 @@ def test_a_turned_frame_gives_a_sideways_part_in_proportion_to_speed(base):
         np.testing.assert_array_equal(shown["yaw_rate_rad_s"], path.twist[:, 2])
 
 
+@pytest.mark.parametrize(
+    ("form", "turned"), [("body", ("vx_m_s", "vy_m_s")), ("pose", ("x_m", "y_m"))], ids=["body", "pose"]
+)
+def test_of_two_sensors_one_is_turned(base, form, turned):
+    plain, both, one = (
+        drive(model, BodyCommands.constant(60, 30, 20), 1.0, plant="planar")
+        for model in (
+            base,
+            base.with_effect("mount_yaw", angle_deg=20.0),
+            base.with_effect("mount_yaw", form, angle_deg=20.0),
+        )
+    )
+    shown, as_both, as_none = (path.channels_at(path.time_s) for path in (one, both, plain))
+    for name, channel in shown.items():
+        np.testing.assert_array_equal(channel, (as_both if name in turned else as_none)[name])
+
+
 def test_with_a_turned_frame_the_measured_path_is_still_the_integral_of_the_measured_velocity(base):
     path = drive(
         base.with_effect("mount_yaw", angle_deg=20.0), BodyCommands.constant(60, 30, 20), 1.5, plant="planar"

@@ -114,7 +114,8 @@ def robot_logs(model: Model, beginning: Beginning, noise: float = 1.0, seed: int
 
 
 def robot_study(model: Model, beginning: Beginning, noise: float = 1.0) -> GapReport:
-    looked_for = ("speed_gain", "payload", "com_offset", "wheel_radius", "sensor_latency", "coulomb_friction")
+    drives, body = ("speed_gain", "coulomb_friction"), ("payload", "com_offset", "wheel_radius")
+    looked_for = (*drives, *body, "mount_yaw", "sensor_latency")
     options = GapOptions(only=looked_for, plant="planar", next_experiment=False)
     return analyse(robot_logs(model, beginning, noise), MODEL, options)
 
@@ -132,6 +133,14 @@ def test_a_load_of_a_fifth_is_named_on_logs_that_begin_with_a_step() -> None:
     assert (found.verdict, found.candidates) == ("named", (("payload",),))
     mass = found.effects[0].parameters["mass_kg"]
     assert mass.low < 4.0 < mass.high
+
+
+@pytest.mark.parametrize(("form", "angle_deg"), [("body", 2.0), ("pose", -2.0)])
+def test_of_two_sensors_the_one_that_is_turned_is_told(form: str, angle_deg: float) -> None:
+    found = robot_study(MODEL.with_effect("mount_yaw", form, angle_deg=angle_deg), "with a step")
+    assert (found.verdict, found.candidates) == ("named", (("mount_yaw",),))
+    assert found.effects[0].form == form
+    assert found.effects[0].parameters["angle_deg"].value == pytest.approx(angle_deg, abs=0.3)
 
 
 def test_a_robot_in_logs_without_any_noise() -> None:

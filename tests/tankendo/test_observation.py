@@ -55,6 +55,8 @@ def test_noise_differs_from_step_to_step(begin):
         ("sensor_bias", {"vx_m_s": 0.1}, {"vx": 0.1}),
         ("sensor_scale", {"linear": 1.5}, {"vx": None, "vy": None}),
         ("mount_yaw", {"angle_deg": 20.0}, {"vx": None, "vy": None, "x": None, "y": None}),
+        ("mount_yaw/body", {"angle_deg": 20.0}, {"vx": None, "vy": None}),
+        ("mount_yaw/pose", {"angle_deg": 20.0}, {"x": None, "y": None}),
         ("sensor_latency", {"delay_s": 0.1}, {"vx": None, "vy": None, "yaw_rate": None}),
         ("sensor_latency/body", {"delay_s": 0.1}, {"vx": None, "vy": None, "yaw_rate": None}),
         ("sensor_latency/pose", {"delay_s": 0.1}, {"x": None, "y": None, "heading_sin": None}),

@@ -6,8 +6,9 @@ import math
 from dataclasses import replace
 from typing import Final
 
-from mecanum_env.effects.definition import Effect, Parameter
+from mecanum_env.effects.definition import Effect, Parameter, Values
 from mecanum_env.effects.drive import BRAKE, LIMIT, LIMITS_RPM, PER_VOLT, POSITIVE
+from mecanum_env.wheel_drive.drive import DriveParameters
 from mecanum_env.wheel_drive.motor_bounds import loaded_law
 
 _RATIO: Final = (Parameter("ratio", "1", 1.0, (1.0, 40.0), (1e-3, 1e3)),)
@@ -15,6 +16,19 @@ _WHAT_IT_CARRIES: Final = (
     "what the wheel carries: whether the robot stood on it, or which parts were mounted; if that has not "
     "changed, the gains of the drive's controller"
 )
+
+
+def _heavier(drive: DriveParameters, values: Values, *, integral: bool) -> DriveParameters:
+    """Return a drive with more inertia at its wheel, whose speed all torques, limited or not, change less."""
+    ratio = values["ratio"]
+    return replace(
+        drive,
+        law=loaded_law(drive.law, ratio, integral=integral),
+        drive_acceleration_rpm_s=drive.drive_acceleration_rpm_s / ratio,
+        drive_brake_rpm_s=drive.drive_brake_rpm_s / ratio,
+        supply_s=drive.supply_s * ratio,
+    )
+
 
 EFFECTS: Final = (
     Effect(
@@ -69,7 +83,7 @@ EFFECTS: Final = (
         signature="Slower starts and stops, which may overshoot; the speeds reached are unchanged.",
         direct_check=_WHAT_IT_CARRIES,
         realistic=lambda _: {"ratio": 2.0},
-        change_drive=lambda drive, values, _: replace(drive, law=loaded_law(drive.law, values["ratio"])),
+        change_drive=lambda drive, values, _: _heavier(drive, values, integral=False),
     ),
     Effect(
         name="load_inertia/integral",
@@ -80,8 +94,6 @@ EFFECTS: Final = (
         signature="Slower starts and stops, which may overshoot; the speeds reached are unchanged.",
         direct_check=_WHAT_IT_CARRIES,
         realistic=lambda _: {"ratio": 2.0},
-        change_drive=lambda drive, values, _: replace(
-            drive, law=loaded_law(drive.law, values["ratio"], integral=True)
-        ),
+        change_drive=lambda drive, values, _: _heavier(drive, values, integral=True),
     ),
 )

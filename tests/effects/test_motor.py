@@ -133,6 +133,23 @@ def test_more_inertia_slows_the_rise_and_keeps_the_speed(base, ratio):
     assert heavy[first] / light[first] == pytest.approx(1 / ratio, rel=0.2)
 
 
+def test_a_heavier_wheel_gets_less_acceleration_from_a_limited_torque(base):
+    limited = base.with_effect("acceleration_limit", "drive", limit_rpm_s=600.0, brake_rpm_s=300.0)
+    speed = replay_bench(limited.with_effect("load_inertia", ratio=2.0), TIME, STEPS)
+    change = np.diff(speed) * 120
+    assert change.max() == pytest.approx(300.0, rel=1e-6)
+    assert change[speed[1:] > 5.0].min() == pytest.approx(-150.0, rel=1e-6)
+
+
+def test_a_heavier_wheel_takes_longer_to_the_supplys_speed(base):
+    """Under full voltage it approaches that speed with a time constant that goes with its inertia."""
+    limited = base.with_effect("speed_saturation", "supply", limit_rpm=60.0, motor_s=0.2)
+    for ratio in (1.0, 2.5):
+        speed = replay_bench(limited.with_effect("load_inertia", ratio=ratio), TIME, STEPS)
+        left = 60.0 - speed[(TIME > 0.1) & (TIME < 0.5)]
+        np.testing.assert_allclose(np.diff(np.log(left)) * 120, -1.0 / (0.2 * ratio), rtol=1e-4)
+
+
 def test_the_reference_has_the_motors_effects(base):
     model = (
         base.with_effect("speed_saturation", "supply", limit_rpm=70.0)

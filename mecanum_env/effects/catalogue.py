@@ -104,7 +104,8 @@ def _parameter(parameter: Parameter) -> str:
     else:
         neutral = f"{parameter.neutral:g}"
     low, high = parameter.bounds
-    note = " of the drive" if parameter.relative else ""
+    whole = "longest run" if parameter.unit == "s" else "drive"
+    note = f" of the {whole}" if parameter.relative else ""
     return f"`{parameter.name}` ({parameter.unit}; {neutral}; {low:g} .. {high:g}{note})"
 
 

@@ -28,6 +28,10 @@ _JERKS_RPM_S2: Final = (500, 1500, 5000, 15_000, 50_000)
 _WARMING: Final = Parameter(
     "time_constant_s", "s", None, (0.5, 600.0), POSITIVE, default=60.0, scan=(1, 3, 10, 30, 100, 300)
 )
+FADING: Final = Parameter(
+    "time_constant_s", "s", None, (0.03, 1.0), POSITIVE, default=1.0, scan=(0.05, 0.15, 0.5), relative=True
+)
+"""Time constant of what is there at the start only: what takes longer than a run looks as if it stayed."""
 _COLD_AND_WARM: Final = "the speed at one command in a cold and in a warm drive"
 
 _CURVE: Final = MAP_PARAMETERS[MAP_KNOTS : MAP_KNOTS + 5]
@@ -159,7 +163,7 @@ EFFECTS: Final = (
         parameters=(
             # Above a half the drive would have to lose all of its gain to come down from it.
             Parameter("share", "1", 0.0, (-0.8, 0.45), (-0.99, 0.495)),
-            _WARMING,
+            FADING,
         ),
         summary="A drive whose model is that of a warm one starts cold: its gain lacks this share at the "
         "start, and is the model's when it is warm; below 0 it begins above it.",

@@ -19,6 +19,7 @@ from mecanum_env.effects.definition import (
     Values,
     usual_ceiling_rpm,
 )
+from mecanum_env.effects.drive import FADING
 from mecanum_env.effects.integral_action import ANSWER, WASHOUT, answering, washed_out
 from mecanum_env.kinematics import WHEELS
 from mecanum_env.model import Model, Robot, cause_of
@@ -273,7 +274,7 @@ EFFECTS: Final = (
         parameters=(
             Parameter("share", "1", 0.0, (0.0, 4.0), (0.0, 1e3)),
             Parameter("viscous_share", "1", 0.0, (0.0, 4.0), (0.0, 1e3)),
-            _WARMING,
+            FADING,
         ),
         summary="A bearing whose model is that of a warm one starts cold: its Coulomb friction and stiction "
         "are larger by `share` of themselves at the start, its viscous friction by `viscous_share`, and all "

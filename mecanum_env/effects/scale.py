@@ -57,8 +57,8 @@ class Scale:
         It is a power of two for speeds and rates, about one step of the scan grids, at least 1 for drifts
         ("1/s"), which long runs show as well if they are fast, at most 1 for frequencies ("Hz"), and 1 for
         other units.
-        `relative`: the range is one of shares, in "N m" of the `torque_n_m`, in "N m s/rad" of the damping
-        that takes this torque at the top speed.
+        `relative`: the range is one of shares, in "s" of the longest run, in "N m" of the `torque_n_m`, in
+        "N m s/rad" of the damping that takes this torque at the top speed.
         """
         if relative:
             return _SHARES_OF[unit](self)
@@ -79,6 +79,7 @@ _POWERS: Final[Mapping[str, tuple[int, int]]] = MappingProxyType(
 """Unit -> powers of top speed and of the inverse rise time in it."""
 _SHARES_OF: Final[Mapping[str, Callable[[Scale], float]]] = MappingProxyType(
     {
+        "s": lambda scale: scale.run_s,
         "N m": lambda scale: scale.torque_n_m,
         "N m s/rad": lambda scale: scale.torque_n_m / (scale.top_rpm * RAD_S_PER_RPM),
     }

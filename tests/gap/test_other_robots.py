@@ -104,6 +104,13 @@ def test_what_is_no_speed_is_searched_alike_on_every_drive() -> None:
                 assert parameter.scaled(scale) is parameter
 
 
+@pytest.mark.parametrize("form", ["cold", "cold_friction"])
+def test_what_fades_more_slowly_than_a_run_lasts_is_not_searched(form: str) -> None:
+    """It would stand for what is there for good: a gain, or a friction."""
+    fading = next(p for p in CATALOGUE[f"warm_up/{form}"].parameters if p.name == "time_constant_s")
+    assert fading.scaled(Scale(run_s=7.0)).bounds == (pytest.approx(0.21), 7.0)
+
+
 @pytest.mark.parametrize(("run_s", "most"), [(2.5, 0.32), (10.0, 0.08), (300.0, 0.08)])
 def test_a_sag_may_be_faster_in_short_runs(run_s: float, most: float) -> None:
     sag = next(p for p in CATALOGUE["battery_sag"].parameters if p.name == "drop_per_s")

@@ -161,7 +161,7 @@ EFFECTS: Final = (
         station="set_point",
         acts_on="drive",
         parameters=(
-            # Above a half the drive would have to lose all of its gain to come down from it.
+            # A drive that starts with half of its gain doubles it, the most that `warm_up_share` allows.
             Parameter("share", "1", 0.0, (-0.8, 0.45), (-0.99, 0.495)),
             FADING,
         ),

@@ -94,6 +94,14 @@ def test_what_a_drift_added_is_taken_off_again(motion):
         np.testing.assert_allclose(restored[name], motion[name], atol=1e-12)
 
 
+@pytest.mark.parametrize("form", ["", "/body", "/pose"])
+def test_what_was_turned_is_turned_back(motion, form):
+    effect, values = CATALOGUE[f"mount_yaw{form}"], {"angle_deg": 20.0}
+    restored = effect.restore_channels(CLOCK, effect.change_channels(CLOCK, motion, values), values)
+    for name in CHANNELS:
+        np.testing.assert_allclose(restored[name], motion[name], atol=1e-12)
+
+
 def test_an_eccentric_encoder_swings_with_the_angle_of_its_own_wheel(base):
     model = base.with_effect("encoder_eccentricity", per_turn=3, share=0.08, phase_deg=40)
     true = {f"speed_{wheel}_rpm": np.full(CLOCK.shape, rpm) for wheel, rpm in (("fl", 60.0), ("rr", -30.0))}

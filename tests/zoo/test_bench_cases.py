@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sysid.studies.zoo.cases.bench.change import Change, integrates
+from sysid.studies.zoo.cases.bench.change import Change, friction_torque, integrates
 from sysid.studies.zoo.cases.bench.changes import CHANGES, TWINS, change_of
 from sysid.studies.zoo.cases.bench.draw import (
     BLOCK,
@@ -80,6 +80,17 @@ def test_a_large_change_leaves_more_than_a_small_one(change: Change | Outsider) 
     yardstick = Yardstick(drive, commands_of(drive), 1)
     small, large = (yardstick(at(change, drive, size)) for size in (0.3, 1.0))
     assert small < large
+
+
+def test_a_cold_gear_rubs_by_its_share_more_and_warms_up_to_what_it_was() -> None:
+    change = change_of("warm_up", "cold_friction")
+    before = first_with(change)
+    after = at(change, before, 0.7)
+    share = change.truth(before, after)["share"]
+    for speed in (0.0, 5.0):
+        cold, warm = friction_torque(after, speed), friction_torque(before, speed)
+        assert cold == pytest.approx((1.0 + share) * warm)
+        assert cold * (1.0 - after.gear.friction_warming) == pytest.approx(warm)
 
 
 def test_every_name_and_form_is_there_once() -> None:

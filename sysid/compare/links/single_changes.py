@@ -95,7 +95,7 @@ class SeenChanges:
         self, delay_s: FloatArray, lost: npt.NDArray[np.bool_]
     ) -> list[tuple[FloatArray, FloatArray]]:
         """Return for each run a clock [s] and the speed [rpm] on it, with each change at its delay."""
-        commands, changes = [], self._changes
+        commands, changes, tick_s = [], self._changes, self._model.wheel.law.sample_period_s
         for index, run in enumerate(self._runs):
             own = [i for i, change in enumerate(changes) if change.run == index]
             initial = start_of(run).initial_rpm
@@ -103,10 +103,8 @@ class SeenChanges:
             acting = [i for i in own if not lost[i]]
             times = np.maximum.accumulate([0.0, *(changes[i].given_s + delay_s[i] for i in acting)])
             levels = np.array([first, *(changes[i].after_rpm for i in acting)])
-            tick_s = self._model.wheel.law.sample_period_s
             times, levels = means_over_ticks(times[1:], levels, tick_s, run.duration_s)
-            keep = np.append(np.diff(times) > 0.0, True)
-            commands.append(BenchRun(times[keep], levels[keep], run.duration_s, initial))
+            commands.append(BenchRun(times, levels, run.duration_s, initial))
         return _seen_motions(self._model, commands)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from mecanum_env.model import Model, paper_model
+from mecanum_env.simulator import replay_bench
 from mecanum_env.simulator.bench import bench_motion
 from mecanum_env.units import FloatArray
 from sysid.compare.links import LinkClock
@@ -17,6 +18,7 @@ from sysid.logs import BenchCommand, Dataset, Run
 MakeLogs = Callable[[FloatArray], Dataset]
 MakeDelays = Callable[..., FloatArray]
 _NOISE_RPM, _INTERVAL_S = 0.5, 0.03
+LATE_NOISE_RPM = 0.3  # of `each_late`
 
 
 @pytest.fixture
@@ -63,3 +65,21 @@ def spread_delays() -> MakeDelays:
         return np.asarray(mean_s + drawn)
 
     return draw
+
+
+@pytest.fixture
+def each_late(model: Model) -> MakeLogs:
+    """Return a function from delays [s], (n,), to runs of one step up and one down, each late by its own."""
+
+    def logs(delays: FloatArray) -> Dataset:
+        rng, runs = np.random.default_rng(3), []
+        time = np.arange(0.0, 3.0, 0.01)
+        command = np.where((time >= 0.5) & (time < 1.7), 90.0, 0.0)
+        for index, delay_s in enumerate(delays):
+            late = model.with_effect("command_latency", delay_s=float(delay_s))
+            speed = replay_bench(late, time, command) + LATE_NOISE_RPM * rng.standard_normal(time.size)
+            log = BenchCommand(command)
+            runs.append(Run(f"r{index}", f"g{index}", "fit", time, log, {"speed_rpm": speed}))
+        return Dataset("logs", tuple(runs), ())
+
+    return logs

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from mecanum_env.model import Model
-from mecanum_env.simulator import replay_bench
 from mecanum_env.units import FloatArray
 from sysid.compare.links import JITTER, LOSS, AlignedLogs, LinkClock, link_delays
 from sysid.compare.measured import observe
 from sysid.compare.predicted import Simulator
-from sysid.logs import BenchCommand, Dataset, Run
+from sysid.logs import Dataset
+
+from .conftest import LATE_NOISE_RPM
 
 MakeLogs = Callable[[FloatArray], Dataset]
 MakeDelays = Callable[..., FloatArray]
@@ -43,20 +44,15 @@ def test_aligned_logs_are_predicted_with_one_delay(
 
 
 @pytest.mark.parametrize("own_s", [0.0, 0.003, 0.012], ids=["no delay", "under a tick", "over a tick"])
-def test_changes_are_aligned_to_a_part_of_the_laws_tick(model: Model, own_s: float) -> None:
-    rng, runs = np.random.default_rng(6), []
+def test_changes_are_aligned_to_a_part_of_the_laws_tick(
+    model: Model, each_late: MakeLogs, own_s: float
+) -> None:
     given = model.with_effect("command_latency", delay_s=own_s)
-    time, noise_rpm = np.arange(0.0, 3.0, 0.01), 0.3
-    command = np.where((time >= 0.5) & (time < 1.7), 90.0, 0.0)
-    for index, delay_s in enumerate(rng.uniform(0.015, 0.06, 12)):
-        late = model.with_effect("command_latency", delay_s=delay_s)
-        speed = replay_bench(late, time, command) + noise_rpm * rng.standard_normal(time.size)
-        runs.append(Run(f"r{index}", "g", "fit", time, BenchCommand(command), {"speed_rpm": speed}))
-    logs = Dataset("logs", tuple(runs), ())
+    logs = each_late(np.random.default_rng(6).uniform(0.015, 0.06, 12))
     clock = LinkClock(model.wheel.law.sample_period_s, None, own_s)
-    delays = replace(link_delays(given, runs, clock), mean_s=own_s)
+    delays = replace(link_delays(given, logs.runs, clock), mean_s=own_s)
     aligned = AlignedLogs.of(logs, given, clock, delays)
-    assert error_rpm(aligned.dataset, aligned.model) < 1.3 * noise_rpm
+    assert error_rpm(aligned.dataset, aligned.model) < 1.3 * LATE_NOISE_RPM
 
 
 def test_a_stated_jitter_makes_no_change_far_later_than_the_others(

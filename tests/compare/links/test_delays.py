@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from mecanum_env.model import Model, paper_model
-from mecanum_env.simulator import replay_bench
 from mecanum_env.units import FloatArray
 from sysid.compare.links import LinkClock, LinkDelays, link_delays
-from sysid.logs import BenchCommand, Dataset, Run
+from sysid.logs import Dataset
 
 MakeLogs = Callable[[FloatArray], Dataset]
 MakeDelays = Callable[..., FloatArray]
@@ -46,18 +45,12 @@ def test_the_delay_of_each_change_is_found(found, spread_delays: MakeDelays) -> 
     ],
     ids=["law", "a slow sensor", "a late sensor with a scale"],
 )
-def test_delays_are_found_to_a_part_of_the_laws_tick(model: Model, at_once: LinkClock) -> None:
+def test_delays_are_found_to_a_part_of_the_laws_tick(
+    model: Model, at_once: LinkClock, each_late: MakeLogs
+) -> None:
     """The law takes a command that acts within a tick by its mean over the tick; sensors are not the link."""
-    rng, runs = np.random.default_rng(3), []
-    tick = at_once.tick_s
-    truth = tick * rng.uniform(2.0, 5.0, 12)
-    time = np.arange(0.0, 3.0, 0.01)
-    command = np.where((time >= 0.5) & (time < 1.7), 90.0, 0.0)
-    for index, delay_s in enumerate(truth):
-        late = model.with_effect("command_latency", delay_s=delay_s)
-        speed = replay_bench(late, time, command) + 0.3 * rng.standard_normal(time.size)
-        runs.append(Run(f"r{index}", "g", "fit", time, BenchCommand(command), {"speed_rpm": speed}))
-    delays = link_delays(model, runs, at_once)
+    truth = at_once.tick_s * np.random.default_rng(3).uniform(2.0, 5.0, 12)
+    delays = link_delays(model, each_late(truth).runs, at_once)
     np.testing.assert_allclose(delays.delay_s, np.repeat(truth, 2), atol=0.0015)
     assert delays.mean_s == pytest.approx(float(np.mean(truth)), abs=0.001)
 

@@ -193,6 +193,13 @@ def _cold_friction(drive: Drive) -> bool:
     return drive.gear.friction_warming == 0.0 and friction_torque(drive, top) > 0.0
 
 
+def _more_when_cold(_: Drive, after: Drive) -> Parameters:
+    """Return by how much of itself all friction is larger when the gear is cold."""
+    share = 1.0 / (1.0 - after.gear.friction_warming) - 1.0
+    seconds = after.gear.friction_warming_s
+    return {"share": share, "viscous_share": share, "time_constant_s": seconds}
+
+
 LIMIT_CHANGES: Final = (
     Change(
         "speed_saturation",
@@ -222,12 +229,9 @@ LIMIT_CHANGES: Final = (
     ),
     Change(
         "warm_up",
-        "friction",
+        "cold_friction",
         _cold_friction,
         _eases,
-        lambda _, after: {
-            "share": after.gear.friction_warming,
-            "time_constant_s": after.gear.friction_warming_s,
-        },
+        _more_when_cold,
     ),
 )

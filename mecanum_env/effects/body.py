@@ -57,10 +57,19 @@ def _radius(model: Model, values: Values) -> Model:
 
 
 def _track(model: Model, values: Values) -> Model:
-    """Scale both lengths alike: only their sum counts for the motion."""
+    """Scale both lengths alike: only their sum counts for the motion.
+
+    The yaw inertia goes with their square, as that of the same masses further out does. With its old value a
+    light robot, whose wheels have most of it, could not carry them any further out at all.
+    """
     robot, scale = model.robot, values["scale"]
-    wheelbase, track = robot.half_wheelbase_m * scale, robot.half_track_m * scale
-    return replace(model, robot=replace(robot, half_wheelbase_m=wheelbase, half_track_m=track))
+    wider = replace(
+        robot,
+        half_wheelbase_m=robot.half_wheelbase_m * scale,
+        half_track_m=robot.half_track_m * scale,
+        yaw_inertia_kg_m2=robot.yaw_inertia_kg_m2 * scale**2,
+    )
+    return replace(model, robot=wider)
 
 
 def _rollers(spec: mujoco.MjSpec, values: Values, model: Model, plant: PlantKind) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from mecanum_env.kinematics import command_to_twist
+from mecanum_env.mjcf.masses import robot_masses
 from mecanum_env.simulator import BodyCommands, drive, replay_bench
 from mecanum_env.units import RAD_S_PER_RPM
 
@@ -172,6 +173,19 @@ def test_a_wider_track_slows_rotation_only(base, steady, plant, command, ratio):
         for m in (base.with_effect("track_width", scale=1.2), base)
     )
     assert wide / plain == pytest.approx(ratio, abs=0.004)
+
+
+@pytest.mark.parametrize("plant", ["rollers", "planar"])
+@pytest.mark.parametrize("scale", [0.95, 1.05])
+def test_a_robot_whose_wheels_have_most_of_its_yaw_inertia_may_be_wider(base, steady, plant, scale):
+    wheels_alone = base.robot.yaw_inertia_kg_m2 - robot_masses(base.robot).base.moments[2]
+    light = replace(base, robot=replace(base.robot, yaw_inertia_kg_m2=1.01 * wheels_alone))
+    turning = (0, 0, 40)
+    wide, plain = (
+        speed_along(steady(m, *turning, plant=plant), turning, base)
+        for m in (light.with_effect("track_width", scale=scale), light)
+    )
+    assert wide / plain == pytest.approx(1.0 / scale, abs=0.004)
 
 
 @pytest.mark.parametrize("plant", ["rollers", "planar"])

@@ -21,7 +21,7 @@ from sysid.compare.search_space import EffectSet, effect_set
 from sysid.gap.report.output import gap_json
 from sysid.gap.result import FoundEffect, GapOptions, GapReport, Interval
 from sysid.gap.search import decision
-from sysid.gap.search.chance import Floor
+from sysid.gap.search.chance import Floor, untestable
 from sysid.gap.search.decision import explore
 from sysid.gap.search.plain_squares import mean_squares, plainly_larger, removed, removed_of_all
 from sysid.gap.search.responses import Growth, Library, growths, responses
@@ -143,6 +143,11 @@ def test_an_effect_that_no_command_excites_is_untestable(bench_logs: MakeLogs, b
     assert "payload" in unseen  # a bench has no body
     assert "speed_gain" not in unseen
     assert report.smallest_detectable["speed_gain"]["gain"] == pytest.approx(1.0, abs=0.01)
+
+
+def test_an_effect_that_cannot_be_simulated_is_not_said_to_change_nothing() -> None:
+    reasons = {one.name: one.reason for one in untestable(["track_width"], [], {}, "robot", ())}
+    assert "could be simulated" in reasons["track_width"]
 
 
 def test_analyse_takes_the_runs_alone(bench_logs: MakeLogs, base: Model) -> None:

@@ -1,5 +1,6 @@
 """What a drive does besides its law: effects that are added while the law is fitted again with them."""
 
+from sysid.fit.effects.ceiling import has_unasked_ceiling
 from sysid.fit.effects.drive import DriveEffects, find_drive_effects
 from sysid.fit.effects.reached import HeldOut, Reached, confirmed
 from sysid.fit.effects.search import EffectSearch, searched
@@ -12,6 +13,7 @@ __all__ = [
     "Reached",
     "confirmed",
     "find_drive_effects",
+    "has_unasked_ceiling",
     "searched",
     "with_uncertainty",
 ]

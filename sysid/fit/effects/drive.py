@@ -45,8 +45,6 @@ from sysid.progress import Progress, silent, within
 _FAR: Final = 2.0
 """Squared error of the law over the noise from which a simple drive, fitted globally, is a start, too; and
 that of what is found over that of a law that is not enough, above which the law stays. Assumed."""
-_SPARE: Final = 0.05
-"""Share by which a ceiling must lie above all commands, or below the largest. Assumed."""
 _SECONDS: Final = 40.0
 _TICKS: Final = (4000, 8000)
 """Duration of the runs that decide, repeats not counted [s], and fewest and most ticks of the law in them:
@@ -131,10 +129,7 @@ def find_drive_effects(
         anywhere += [searches[0].pi_drive(alone, kind) for kind in KINDS]
         searches += [EffectSearch(model, whitener, held_out, largest_pole, known) for model in anywhere]
         began += [start for search in searches[-len(anywhere) :] if (start := search.begin()) is not None]
-    asked_rpm = max(float(np.max(np.abs(run.command.wheels_rpm))) for run in runs)
-    reached = [
-        one for one in searched(searches, began, tell) if not has_unasked_ceiling(one.model, asked_rpm)
-    ]
+    reached = searched(searches, began, tell)
     worthy = in_place_of(first, reached, held_out.whitener.size, is_enough=is_enough)
     best = worthy or (None if is_enough else first)
     before, before_rpm = held_out.errors(alone)
@@ -142,16 +137,6 @@ def find_drive_effects(
         return None
     model, of_law = best.stated()
     return DriveEffects(model, of_law, before_rpm, best.held_out_rpm)
-
-
-def has_unasked_ceiling(model: Model, asked_rpm: float) -> bool:
-    """Return whether a model's speed ends about where the commands of the logs do, at `asked_rpm`.
-
-    Such a ceiling cuts off some overshoots in these logs, and every faster command in the next ones.
-    """
-    gain = model.effects.get("speed_gain", {}).get("gain", 1.0)
-    limits = [v["limit_rpm"] for name, v in model.effects.items() if cause_of(name) == "speed_saturation"]
-    return any(abs(limit / max(gain * asked_rpm, 1e-9) - 1.0) < _SPARE for limit in limits)
 
 
 def in_place_of(

@@ -36,6 +36,7 @@ from sysid.compare.search_space import (
     effect_set,
 )
 from sysid.fit.effects.candidates import TRIED, starts
+from sysid.fit.effects.ceiling import has_unasked_ceiling
 from sysid.fit.effects.pi_drive import Kind, pi_drive
 from sysid.fit.effects.reached import HeldOut, Reached
 from sysid.fit.effects.simple_drive import SIMPLE_DRIVE, simple_drive
@@ -126,6 +127,8 @@ class EffectSearch:
         self.held_out, self.largest_pole = held_out, largest_pole
         values = [float(np.max(np.abs(block.value))) for block in whitener.observations.blocks]
         self._top_rpm = max(values, default=0.0)
+        runs = [situation.runs[0] for situation in whitener.observations.situations]
+        self._asked_rpm = max((float(np.nanmax(np.abs(run.command.wheels_rpm))) for run in runs), default=0.0)
 
     def begin(self) -> Reached | None:
         """Return the law fitted again by these residuals, with the effects that it came with."""
@@ -263,6 +266,8 @@ class EffectSearch:
             reached = descend_steeply(function, looked.place, step=SMOOTH_STEP, near=near) or reached
         found = Fitted(candidate, reached.place, reached.residual, reached.jacobian)
         model = candidate.model(self.base, found.place)
+        if has_unasked_ceiling(model, self._asked_rpm):
+            return None
         try:
             held_out = self.held_out.errors(model)
         except MecanumError:

@@ -46,6 +46,10 @@ _BEST: Final = 2
 """Places that are descended from with small steps, of those with the same integral, and the number of
 steps."""
 _LAST_STEPS: Final = 25
+_PRICE: Final = (1.0 - 0.02) ** -2
+"""Factor on the squared error without the ceiling that the model assumes: it is lifted where the error falls
+by 2 %, the same as for effects (`sysid.fit.effects.reached`), compared with a descent from the same place.
+Logs whose commands go hardly beyond it fit about as well without, and the next ones do not."""
 WINDUPS: Final = (0.0, 1.0)
 """Values of `servo_windup` that are tried, unless it is given: with anti-windup and without."""
 _ASTRAY: Final = 1e3
@@ -134,9 +138,10 @@ def simple_robots(
 ) -> list[Model]:
     """Return the simple robots that predict robot logs best, on the planar plant: one for each integral.
 
-    The `model` gives the rest: the clock, and of the robot what is `given`. Its ceiling and none are tried.
-    The integral of the first stands still at the torque limit, that of the second winds up; if that is given,
-    there is one robot. `tell` is called before each search.
+    The `model` gives the rest: the clock, and of the robot what is `given`. Its ceiling stays, unless logs
+    that go beyond it are predicted clearly better without. The integral of the first stands still at the
+    torque limit, that of the second winds up; if that is given, there is one robot. `tell` is called before
+    each search.
     """
     data = replace(data, runs=_of_different_commands(data.runs))
     measured = data.measured()
@@ -169,6 +174,9 @@ def simple_robots(
         coarse.sort(key=_cost)
         fine = [_descended(residual, start, 1e-3, _LAST_STEPS) for start in coarse[:_BEST]]
         best = min(fine, key=_cost)
+        if best.base is not bases[0]:
+            kept = _descended(residual, replace(best, base=bases[0]), 1e-3, _LAST_STEPS)
+            best = min(best, kept, key=lambda start: start.cost * (_PRICE if start is best else 1.0))
         found.append(_model(best.base, given, best.place))
     return found
 

@@ -282,14 +282,8 @@ def untestable(
     found = []
     for name, effect in CATALOGUE.items():
         if name in considered and name not in detectable:
-            responds = any(r.effect == name and r.length > _NO_RESPONSE for r in library)
-            reason = (
-                "even the largest size of the search would change these logs by less than noise or the "
-                "model's own error does"
-                if responds
-                else f"no measured channel responds to it under the {_given(effect)} of these logs"
-            )
-            found.append(Untestable(name, reason, {}))
+            lengths = [response.length for response in library if response.effect == name]
+            found.append(Untestable(name, _unseen(effect, lengths), {}))
         elif not effect.unsearched_on and not effect.readable_in(columns):
             missing = " and ".join(column for column in effect.reads if column not in columns)
             found.append(Untestable(name, f"these logs have no {missing}, which it follows: log it", {}))
@@ -299,6 +293,18 @@ def untestable(
             reason = "a bench log does not tell it from the friction that it makes larger: record a robot log"
             found.append(Untestable(name, reason, {}))
     return tuple(found)
+
+
+def _unseen(effect: Effect, lengths: Sequence[float]) -> str:
+    """Return why logs could not show an effect, from how much each size that was simulated changes them."""
+    if not lengths:
+        return "no size of it could be simulated with this model"
+    if max(lengths) > _NO_RESPONSE:
+        return (
+            "even the largest size of the search would change these logs by less than noise or the "
+            "model's own error does"
+        )
+    return f"no measured channel responds to it under the {_given(effect)} of these logs"
 
 
 def _given(effect: Effect) -> str:

@@ -9,8 +9,7 @@ from mecanum_env.effects.friction import droop_rpm
 from mecanum_env.simulator import replay_bench
 from mecanum_env.units import RAD_S_PER_RPM
 from sysid.fit import FitOptions, fit_dataset, fitted_model
-from sysid.fit.effects import find_drive_effects
-from sysid.fit.effects.drive import has_unasked_ceiling
+from sysid.fit.effects import find_drive_effects, has_unasked_ceiling
 from sysid.fit.report import fit_json
 from sysid.logs import BenchCommand, Dataset, Run
 
@@ -146,11 +145,17 @@ def test_a_law_that_predicts_the_validation_runs_better_than_what_is_found_stays
         ("clip", 91.0, 0.8, False),
     ],
 )
-def test_a_ceiling_at_the_largest_command_is_none(paper_module, form, limit_rpm, gain, unasked):
+def test_a_ceiling_that_no_command_goes_beyond_is_none(paper_module, form, limit_rpm, gain, unasked):
     name = "speed_saturation" if form == "clip" else f"speed_saturation/{form}"
     model = paper_module.with_effect("speed_gain", gain=gain).with_effect(name, limit_rpm=limit_rpm)
     assert has_unasked_ceiling(model, 90.0) is unasked
     assert not has_unasked_ceiling(paper_module, 90.0)
+
+
+@pytest.mark.parametrize(("softness_rpm", "unasked"), [(25.0, True), (15.0, False)])
+def test_a_soft_ceiling_of_which_the_logs_reach_the_knee_alone_is_none(paper_module, softness_rpm, unasked):
+    model = paper_module.with_effect("speed_saturation", limit_rpm=110.0, softness_rpm=softness_rpm)
+    assert has_unasked_ceiling(model, 90.0) is unasked
 
 
 def test_a_ramp_behind_a_delay_is_found_although_the_law_alone_imitates_both(paper_module):

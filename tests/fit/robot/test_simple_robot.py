@@ -220,12 +220,28 @@ def test_all_that_was_found_of_the_robot_is_in_the_model(
     assert fitted_model(fit).robot == fit.robot.robot
 
 
+def with_ceiling(model: Model, saturation_rpm: float) -> Model:
+    return replace(model, wheel=replace(model.wheel, saturation_rpm=saturation_rpm))
+
+
+@pytest.mark.parametrize(("cost_without", "stays"), [(0.99, True), (0.9, False)])
+def test_the_ceiling_is_lifted_only_where_logs_are_predicted_clearly_better_without(
+    logs: Dataset, monkeypatch: pytest.MonkeyPatch, cost_without: float, stays: bool
+) -> None:
+    def descended(_: object, start: module._Start, *__: object) -> module._Start:
+        return replace(start, cost=cost_without if math.isinf(start.base.wheel.saturation_rpm) else 1.0)
+
+    monkeypatch.setattr(module, "_descended", descended)
+    monkeypatch.setattr(module, "_TRIED", 8)
+    asked = max(float(np.max(np.abs(run.command.wheels_rpm))) for run in logs.runs)
+    model = with_ceiling(paper_model(), 0.98 * asked)
+    for found in simple_robots(model, ("friction",), wheels_of(logs)):
+        assert math.isfinite(found.wheel.saturation_rpm) is stays
+
+
 def test_a_ceiling_below_the_commands_is_found(
     limited: Model, start: Model, robot_logs: Callable[..., Dataset], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def with_ceiling(model: Model, saturation_rpm: float) -> Model:
-        return replace(model, wheel=replace(model.wheel, saturation_rpm=saturation_rpm))
-
     logs = robot_logs(with_ceiling(limited, 80.0), runs=4, seconds=2.5)
     known = tuple(name for name in robot_effects._KNOWN if name in ("command_latency", "speed_saturation"))
     monkeypatch.setattr(robot_effects, "simple_robots", lambda *_: [with_ceiling(start, math.inf)])

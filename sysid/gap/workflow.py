@@ -28,6 +28,7 @@ from sysid.gap.report.held_out import (
     held_out,
     overlays,
     predicted,
+    without_scatter,
 )
 from sysid.gap.report.where import regions
 from sysid.gap.result import CustomProposal, GapOptions, GapReport, Untestable
@@ -148,7 +149,10 @@ def _report(
     gap, channels = differences(dataset, comparison, options.fitted_on)
     beside = None
     if options.fitted_on is not None:
-        beside = gap_beside_fit(dataset, options.fitted_on, model, comparison, runs, problem.settings)
+        names = [effect.name for effect in effects]
+        smooth = without_scatter(problem, names, (model, improved), runs, (before, after))
+        compared = compare(split, runs, before, smooth)
+        beside = gap_beside_fit(dataset, options.fitted_on, model, compared, runs, problem.settings)
     detectable, unseen, asked = _what_is_open(dataset, options, found, considered, improved)
     unanswered = () if asked.experiment or not asked.why else (asked.why,)
     hidden = only_in_test(dataset, model, options.fitted_on) if decision.verdict == "no_gap" else ""

@@ -23,6 +23,7 @@ from sysid.gap.result import FoundEffect, GapOptions, GapReport, Interval
 from sysid.gap.search import decision
 from sysid.gap.search.chance import Floor, untestable
 from sysid.gap.search.decision import explore
+from sysid.gap.search.further import residue
 from sysid.gap.search.plain_squares import mean_squares, plainly_larger, removed, removed_of_all
 from sysid.gap.search.responses import Growth, Library, growths, responses
 from sysid.gap.search.sets import EMPTY, Search
@@ -177,6 +178,28 @@ def test_an_interval_without_end_stays_out_of_the_model() -> None:
         "body_speed_limit", {"v_rpm": Interval(40, 39, 41), "vc_rpm": Interval(90, 80, inf)}, 1
     )
     assert found.intervals == {"v_rpm": {"value": 40, "low": 39, "high": 41}}
+
+
+@pytest.mark.parametrize(
+    ("first", "both", "may_be_residue"),
+    [
+        (6.0, 1.8, False),  # The second effect removes 84 % of what the first leaves.
+        (6.0, 3.0, True),
+        (1.4, 1.05, True),  # What the first leaves is not plainly visible.
+    ],
+)
+def test_a_second_effect_that_removes_nearly_all_that_the_first_leaves_is_no_residue_of_its_formula(
+    bench_logs: MakeLogs, base: Model, first: float, both: float, may_be_residue: bool
+) -> None:
+    dataset = bench_logs(base)
+    observations = observe(dataset)
+    problem = ResidualProblem(base, Whitener(observations, measure_noise(dataset, observations), None))
+
+    def fitted(ratio: float) -> Fitted[EffectSet]:
+        return replace(base_fit(problem, EMPTY), residual=np.full(problem.size, np.sqrt(ratio)))
+
+    ours = residue(problem, Floor(1e6, trusted=True), fitted(100.0), fitted(first), fitted(both))
+    assert (ours > 0.0) is may_be_residue
 
 
 def test_a_twin_that_the_screen_cannot_tell_from_the_chosen_effect_is_fitted(

@@ -19,7 +19,7 @@ from mecanum_env.statistics import rms
 from mecanum_env.units import FloatArray
 from sysid.compare.least_squares import ResidualProblem, at_likeliest_phase
 from sysid.compare.measured import observe
-from sysid.compare.predicted import SimulationSettings, Simulator, predict
+from sysid.compare.predicted import SimulationSettings, Simulator, planar_part, predict
 from sysid.compare.search_space import EffectSet
 from sysid.gap.report.samples import Samples, samples_of
 from sysid.gap.result import Difference, Evidence, Overlay
@@ -66,6 +66,30 @@ def predicted(model: Model, runs: Sequence[Run], settings: SimulationSettings) -
     An effect that follows the wheel's angle has the phase that leaves least of the run.
     """
     return [predict(at_likeliest_phase(model, run, settings), run, settings=settings) for run in runs]
+
+
+def without_scatter(
+    problem: ResidualProblem,
+    effects: Sequence[str],
+    models: tuple[Model, Model],
+    runs: Sequence[Run],
+    predictions: tuple[Sequence[Channels], Sequence[Channels]],
+) -> Sequence[Channels]:
+    """Return what the second of two `models` predicts for each run, with no more scatter than the first does.
+
+    Two simulations on rollers differ by where the rollers come to lie, too, which may be more than a right
+    effect changes. So what the `effects` of the second model change is taken from the planar plant, where
+    that shows it. `predictions` are those of the two models on the plant of the `problem`.
+    """
+    before, after = predictions
+    if not effects or not problem.surrogate_covers(effects):
+        return after
+    planar = replace(problem.settings, plant="planar")
+    here, there = (predicted(planar_part(model), runs, planar) for model in models)
+    return [
+        {name: values + changed[name] - unchanged[name] for name, values in one.items()}
+        for one, unchanged, changed in zip(before, here, there, strict=True)
+    ]
 
 
 def compare(

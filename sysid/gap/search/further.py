@@ -59,13 +59,24 @@ def residue(
     """Return how much of the cost that a set lowers may be what imperfect formulas of a smaller one leave.
 
     The residue of an imperfect formula can mimic another effect, and so can that of an imperfect fit. It is
-    none of it where the smaller set leaves plainly more than a right model and the larger one does not.
-    `base` is the fit of no effects.
+    none of it where the smaller set leaves plainly more than a right model and the larger one does not, or,
+    on the bench, so little of it that its last effect would be adequate by itself: one effect hardly has the
+    shape of whatever the formula of another lacks. `base` is the fit of no effects.
     """
-    if visible(problem, smaller) and complete(problem, larger, floor):
+    if visible(problem, smaller) and (
+        complete(problem, larger, floor) or (problem.bench and _removes_the_rest(problem, smaller, larger))
+    ):
         return 0.0
     share = formula_error(problem, floor, larger, smaller)
     return share**2 * max(0.0, base.cost - smaller.cost)
+
+
+def _removes_the_rest(
+    problem: ResidualProblem, smaller: Fitted[EffectSet], larger: Fitted[EffectSet]
+) -> bool:
+    """Return whether a larger set leaves as little of what a smaller one leaves as an adequate effect may."""
+    before, after = (fitted.cost - expected(problem, fitted) for fitted in (smaller, larger))
+    return after <= THRESHOLDS.adequate_residual**2 * (before - after)
 
 
 def visible(problem: ResidualProblem, fitted: Fitted[EffectSet]) -> bool:

@@ -8,9 +8,13 @@ import numpy as np
 import pytest
 
 from mecanum_env.model import Model
-from sysid.compare.model_error import with_adopted
+from sysid.compare.least_squares import ResidualProblem
+from sysid.compare.measured import observe
+from sysid.compare.model_error import Whitener, with_adopted
+from sysid.compare.noise import measure_noise
+from sysid.compare.predicted import SimulationSettings
 from sysid.gap.report.beside_fit import gap_beside_fit
-from sysid.gap.report.held_out import compare, differences, predicted
+from sysid.gap.report.held_out import compare, differences, predicted, without_scatter
 from sysid.gap.result import Difference
 from sysid.gap.wording import closure
 from sysid.logs import Dataset
@@ -92,3 +96,20 @@ def test_a_channel_that_the_logs_of_the_fit_lack_is_left_out() -> None:
     beside = gap_beside_fit(new, lacking, MODEL, comparison, new.runs, PLANAR)
     assert beside is not None
     assert beside.before == pytest.approx(1.0, rel=0.1)
+
+
+def test_the_change_of_an_effect_has_no_scatter_of_the_rollers_in_it() -> None:
+    dataset = logs(GAIN, SEQUENCES[:1], seed=34)
+    runs, observations = dataset.runs[:1], observe(dataset)
+    whitener = Whitener(observations, measure_noise(dataset, observations), None)
+    problem = ResidualProblem(MODEL, whitener, SimulationSettings("rollers"))
+    models = (MODEL, MODEL.with_effect("track_width", scale=1.03))
+    shapes = {name: np.zeros(runs[0].time_s.size) for name in predicted(MODEL, runs, PLANAR)[0]}
+    scattered = {name: np.ones_like(values) for name, values in shapes.items()}
+    (found,) = without_scatter(problem, ["track_width"], models, runs, ([shapes], [scattered]))
+    before, after = (predicted(model, runs, PLANAR)[0] for model in models)
+    for name, values in found.items():
+        np.testing.assert_array_equal(values, after[name] - before[name])
+    assert np.any(found["yaw_rate_rad_s"])
+    assert without_scatter(problem, ["low_grip"], models, runs, ([shapes], [scattered])) == [scattered]
+    assert without_scatter(problem, [], models, runs, ([shapes], [scattered])) == [scattered]

@@ -223,6 +223,24 @@ def test_a_twin_that_the_screen_cannot_tell_from_the_chosen_effect_is_fitted(
     assert ("sensor_latency",) in search.fitted
 
 
+def test_a_set_whose_fit_ended_elsewhere_is_fitted_again_where_more_is_promised(
+    bench_logs: MakeLogs, base: Model
+) -> None:
+    dataset = bench_logs(base.with_effect("speed_gain", gain=0.9))
+    observations = observe(dataset)
+    problem = ResidualProblem(base, Whitener(observations, measure_noise(dataset, observations), None))
+    search = Search(problem, Library(responses(problem, ("speed_gain",))), SearchEffort())
+    search.grow(1)
+    right = search.fitted[("speed_gain",)]
+    (growth,) = search.growths(search.base)
+    search._fitted[("speed_gain",)] = replace(right, residual=10.0 * right.residual)
+    search.fit_best([growth], 1)
+    assert search.fitted[("speed_gain",)].cost == pytest.approx(right.cost)
+    # Nothing better is promised, and nothing worse is taken.
+    search.fit_best([replace(growth, expected=right.cost)], 1)
+    assert search.fitted[("speed_gain",)].cost == pytest.approx(right.cost)
+
+
 def test_effects_behind_a_delay_are_screened_with_the_delay(bench_logs: MakeLogs, base: Model) -> None:
     late = base.with_effect("command_latency", delay_s=0.15)
     dataset = bench_logs(late.with_effect("direction_asymmetry", reverse_ratio=0.8))

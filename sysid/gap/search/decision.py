@@ -41,6 +41,8 @@ from sysid.gap.search.ties import (
     with_fewer,
 )
 
+_MOST_SWAPS: Final = 3
+"""Sets from which effects are swapped. Assumed."""
 _CLEARLY: Final = 4.0
 """Ratio of a gain to the needed one above which a better fit of the smaller set would change nothing, and
 above which a robot's logs differ from those of its fit for sure, whatever it is. Assumed."""
@@ -170,8 +172,7 @@ def explore(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
         return facts
     size = _grow(search, floor, max_effects, rng)
     inflation = _inflation(problem, floor, search.best_fit)
-    search.swap(_best(search, size, inflation).fitted)
-    best = _best(search, size, inflation).fitted
+    best = _swapped(search, size, inflation)
     tie = best.cost + THRESHOLDS.tie_sigmas**2 * inflation
     for near in [f for f in search.of_size(size) if f is best or f.cost <= tie]:
         _polished(search, floor, near)
@@ -183,6 +184,20 @@ def explore(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
     least = _CLEARLY * by_chance.threshold() * inflation
     is_clear = floor.knows_all and base.cost - chosen.fitted.cost > least
     return replace(facts, inflation=inflation, chosen=chosen, is_clear=is_clear)
+
+
+def _swapped(search: Search, size: int, inflation: float) -> Fitted[EffectSet]:
+    """Return the best set of a size after swaps of single effects, from every set that became the best one.
+
+    Where one effect has found its form, another may turn out to be but an imitation beside the first form.
+    """
+    best = _best(search, size, inflation).fitted
+    for _ in range(_MOST_SWAPS):
+        search.swap(best)
+        before, best = best, _best(search, size, inflation).fitted
+        if best is before:
+            break
+    return best
 
 
 def _grow(search: Search, floor: Floor, max_effects: int, rng: np.random.Generator) -> int:

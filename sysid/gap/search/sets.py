@@ -56,6 +56,8 @@ _NEXT_TO_NOTHING: Final = 0.01
 """Relative gain of a descent below which no other one follows."""
 _SWAP: Final = 0.2
 """Share of an effect's gain by which the screening may underrate another effect that could replace it."""
+_ELSEWHERE: Final = 0.8
+"""Share of its cost that a set must be expected to reach from another place to be fitted again. Assumed."""
 
 
 class Search:
@@ -176,12 +178,22 @@ class Search:
         for growth in ordered:
             gain, best = (self.base.cost - g.expected for g in (growth, ordered[0]))
             promises = gain >= _WORTH_FITTING * best or self._is_always_fitted(growth)
-            if promises and growth.names not in self._fitted and len(chosen) < most:
+            if promises and self._is_unfitted(growth) and len(chosen) < most:
                 chosen.setdefault(growth.names, growth)
         # The most promising one shows what the others have to reach.
         ranked = list(chosen.values())
         self._fit_hopeful(ranked[:1])
         self._fit_hopeful(ranked[1:])
+
+    def _is_unfitted(self, growth: Growth) -> bool:
+        """Return whether a set was not fitted yet, or, on the bench, from a place that led elsewhere.
+
+        Beside other forms or sizes of its other effects an effect may promise far less than its set reached.
+        """
+        before = self._fitted.get(growth.names)
+        return before is None or (
+            not self.problem.has_surrogate and growth.expected < _ELSEWHERE * before.cost
+        )
 
     def _is_always_fitted(self, growth: Growth) -> bool:
         """Return whether a growth is fitted whatever the screening promises: a single effect without rollers.
@@ -202,7 +214,10 @@ class Search:
         ]
         fits = self.problem.settings.map(self._fit, pairs)
         found = {g.names: one for (g, _), one in zip(pairs, fits, strict=True) if one is not None}
-        self._fitted |= {names: one for names, one in found.items() if not self._rings(one)}
+        for names, one in found.items():
+            before = self._fitted.get(names)
+            if not self._rings(one) and (before is None or one.cost < before.cost):
+                self._fitted[names] = one
 
     def _rings(self, fitted: Fitted[EffectSet]) -> bool:
         """Return whether a set makes its drive ring under a load, which would pass for any swing.

@@ -241,6 +241,16 @@ def test_a_set_whose_fit_ended_elsewhere_is_fitted_again_where_more_is_promised(
     assert search.fitted[("speed_gain",)].cost == pytest.approx(right.cost)
 
 
+def test_effects_are_swapped_from_every_set_that_becomes_the_best_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    best, swapped = iter(["first", "better", "better"]), []
+    monkeypatch.setattr(decision, "_best", lambda *_: SimpleNamespace(fitted=next(best)))
+    search: Any = SimpleNamespace(swap=swapped.append)
+    assert decision._swapped(search, 2, 1.0) == "better"
+    assert swapped == ["first", "better"]
+
+
 def test_effects_behind_a_delay_are_screened_with_the_delay(bench_logs: MakeLogs, base: Model) -> None:
     late = base.with_effect("command_latency", delay_s=0.15)
     dataset = bench_logs(late.with_effect("direction_asymmetry", reverse_ratio=0.8))

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mecanum_env.effects.apply import changed_model
 from mecanum_env.kinematics import command_to_twist
 from mecanum_env.mjcf.masses import robot_masses
 from mecanum_env.simulator import BodyCommands, drive, replay_bench
@@ -186,6 +187,9 @@ def test_a_robot_whose_wheels_have_most_of_its_yaw_inertia_may_be_wider(base, st
         for m in (light.with_effect("track_width", scale=scale), light)
     )
     assert wide / plain == pytest.approx(1.0 / scale, abs=0.004)
+    robot = changed_model(light.with_effect("track_width", scale=scale), plant).robot
+    assert robot.yaw_inertia_kg_m2 == pytest.approx(scale**2 * light.robot.yaw_inertia_kg_m2)
+    assert robot.mass_kg == light.robot.mass_kg
 
 
 @pytest.mark.parametrize("plant", ["rollers", "planar"])

@@ -35,6 +35,12 @@ from tests.gap.conftest import MakeLogs
 QUIET = GapOptions(next_experiment=False)
 
 
+def problem_of(model: Model, dataset: Dataset) -> ResidualProblem:
+    """Return logs beside a model that is not said to err by itself."""
+    observations = observe(dataset)
+    return ResidualProblem(model, Whitener(observations, measure_noise(dataset, observations), None))
+
+
 def test_logs_of_the_model_itself_have_no_gap(bench_logs: MakeLogs, base: Model) -> None:
     report = analyse(bench_logs(base, seed=1), base, QUIET)
     assert report.verdict == "no_gap"
@@ -192,8 +198,7 @@ def test_a_second_effect_that_removes_nearly_all_that_the_first_leaves_is_no_res
     bench_logs: MakeLogs, base: Model, first: float, both: float, may_be_residue: bool
 ) -> None:
     dataset = bench_logs(base)
-    observations = observe(dataset)
-    problem = ResidualProblem(base, Whitener(observations, measure_noise(dataset, observations), None))
+    problem = problem_of(base, dataset)
 
     def fitted(ratio: float) -> Fitted[EffectSet]:
         return replace(base_fit(problem, EMPTY), residual=np.full(problem.size, np.sqrt(ratio)))
@@ -206,8 +211,7 @@ def test_a_twin_that_the_screen_cannot_tell_from_the_chosen_effect_is_fitted(
     bench_logs: MakeLogs, base: Model, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     dataset = bench_logs(base.with_effect("command_latency", delay_s=0.05))
-    observations = observe(dataset)
-    problem = ResidualProblem(base, Whitener(observations, measure_noise(dataset, observations), None))
+    problem = problem_of(base, dataset)
     search = Search(
         problem, Library(responses(problem, ("command_latency", "sensor_latency"))), SearchEffort()
     )
@@ -227,8 +231,7 @@ def test_a_set_whose_fit_ended_elsewhere_is_fitted_again_where_more_is_promised(
     bench_logs: MakeLogs, base: Model
 ) -> None:
     dataset = bench_logs(base.with_effect("speed_gain", gain=0.9))
-    observations = observe(dataset)
-    problem = ResidualProblem(base, Whitener(observations, measure_noise(dataset, observations), None))
+    problem = problem_of(base, dataset)
     search = Search(problem, Library(responses(problem, ("speed_gain",))), SearchEffort())
     search.grow(1)
     right = search.fitted[("speed_gain",)]
@@ -236,9 +239,27 @@ def test_a_set_whose_fit_ended_elsewhere_is_fitted_again_where_more_is_promised(
     search._fitted[("speed_gain",)] = replace(right, residual=10.0 * right.residual)
     search.fit_best([growth], 1)
     assert search.fitted[("speed_gain",)].cost == pytest.approx(right.cost)
-    # Nothing better is promised, and nothing worse is taken.
-    search.fit_best([replace(growth, expected=right.cost)], 1)
-    assert search.fitted[("speed_gain",)].cost == pytest.approx(right.cost)
+    better = replace(right, residual=0.1 * right.residual)
+    search._fitted[("speed_gain",)] = better
+    search.fit_best([replace(growth, expected=0.0)], 1)
+    # What the other place led to is worse.
+    assert search.fitted[("speed_gain",)] is better
+
+
+def test_a_set_is_not_fitted_again_where_hardly_more_is_promised(
+    bench_logs: MakeLogs, base: Model, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    dataset = bench_logs(base.with_effect("speed_gain", gain=0.9))
+    problem = problem_of(base, dataset)
+    search = Search(problem, Library(responses(problem, ("speed_gain",))), SearchEffort())
+    search.grow(1)
+    (growth,) = search.growths(search.base)
+    asked: list[tuple[str, ...]] = []
+    monkeypatch.setattr(search, "_fit_hopeful", lambda some: asked.extend(one.names for one in some))
+    search.fit_best([replace(growth, expected=0.9 * search.fitted[growth.names].cost)], 1)
+    assert not asked
+    search.fit_best([replace(growth, expected=0.5 * search.fitted[growth.names].cost)], 1)
+    assert asked == [("speed_gain",)]
 
 
 def test_effects_are_swapped_from_every_set_that_becomes_the_best_one(
@@ -254,8 +275,7 @@ def test_effects_are_swapped_from_every_set_that_becomes_the_best_one(
 def test_effects_behind_a_delay_are_screened_with_the_delay(bench_logs: MakeLogs, base: Model) -> None:
     late = base.with_effect("command_latency", delay_s=0.15)
     dataset = bench_logs(late.with_effect("direction_asymmetry", reverse_ratio=0.8))
-    observations = observe(dataset)
-    problem = ResidualProblem(base, Whitener(observations, measure_noise(dataset, observations), None))
+    problem = problem_of(base, dataset)
     library = responses(problem, ("command_latency", "direction_asymmetry"))
     search = Search(problem, Library(library), SearchEffort())
     search.grow(1)
@@ -270,8 +290,7 @@ def test_behind_a_delay_no_other_form_of_a_cause_of_the_set_is_screened(
     bench_logs: MakeLogs, base: Model
 ) -> None:
     dataset = bench_logs(base.with_effect("sensor_latency", delay_s=0.15).with_effect("speed_gain", gain=0.8))
-    observations = observe(dataset)
-    problem = ResidualProblem(base, Whitener(observations, measure_noise(dataset, observations), None))
+    problem = problem_of(base, dataset)
     library = responses(problem, ("sensor_latency", "sensor_latency/wheels", "speed_gain"))
     search = Search(problem, Library(library), SearchEffort())
     search.grow(1)
@@ -284,8 +303,7 @@ def test_another_form_of_an_effect_that_the_model_has_may_fit_worse(
 ) -> None:
     model = base.with_effect("coulomb_friction", "washed_out", torque_n_m=0.9, washout_s=0.2)
     logs = bench_logs(model)
-    observations = observe(logs)
-    problem = ResidualProblem(model, Whitener(observations, measure_noise(logs, observations), None))
+    problem = problem_of(model, logs)
     search = Search(problem, Library(()), SearchEffort())
     droop = effect_set(model, ["coulomb_friction"])
     search.fit_best([Growth(droop, droop.start(), search.base, expected=0.0)], most=1)
@@ -335,8 +353,7 @@ def test_what_differs_between_repeats_is_part_of_the_whole_difference(
         for run, factor in zip(logs.runs, factors, strict=True)
     )
     logs = replace(logs, runs=runs)
-    observations = observe(logs)
-    problem = ResidualProblem(base, Whitener(observations, measure_noise(logs, observations), None))
+    problem = problem_of(base, logs)
     candidate = effect_set(base, ["speed_gain"])
     chosen = fit(problem, candidate, candidate.start(), most=20)
     assert chosen is not None

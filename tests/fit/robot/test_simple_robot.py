@@ -228,7 +228,10 @@ def with_ceiling(model: Model, saturation_rpm: float) -> Model:
 def test_the_ceiling_is_lifted_only_where_logs_are_predicted_clearly_better_without(
     logs: Dataset, monkeypatch: pytest.MonkeyPatch, cost_without: float, stays: bool
 ) -> None:
+    starts: list[module._Start] = []
+
     def descended(_: object, start: module._Start, *__: object) -> module._Start:
+        starts.append(start)
         return replace(start, cost=cost_without if math.isinf(start.base.wheel.saturation_rpm) else 1.0)
 
     monkeypatch.setattr(module, "_descended", descended)
@@ -237,6 +240,10 @@ def test_the_ceiling_is_lifted_only_where_logs_are_predicted_clearly_better_with
     model = with_ceiling(paper_model(), 0.98 * asked)
     for found in simple_robots(model, ("friction",), wheels_of(logs)):
         assert math.isfinite(found.wheel.saturation_rpm) is stays
+    # The ceiling has its chance from where the descent without it ended.
+    last, lifted = starts[-1], [one for one in starts if math.isinf(one.base.wheel.saturation_rpm)]
+    assert last.base.wheel.saturation_rpm == model.wheel.saturation_rpm
+    assert any(last.place is one.place for one in lifted)
 
 
 def test_a_ceiling_below_the_commands_is_found(

@@ -104,12 +104,15 @@ def test_the_change_of_an_effect_has_no_scatter_of_the_rollers_in_it() -> None:
     whitener = Whitener(observations, measure_noise(dataset, observations), None)
     problem = ResidualProblem(MODEL, whitener, SimulationSettings("rollers"))
     models = (MODEL, MODEL.with_effect("track_width", scale=1.03))
-    shapes = {name: np.zeros(runs[0].time_s.size) for name in predicted(MODEL, runs, PLANAR)[0]}
-    scattered = {name: np.ones_like(values) for name, values in shapes.items()}
-    (found,) = without_scatter(problem, ["track_width"], models, runs, ([shapes], [scattered]))
-    before, after = (predicted(model, runs, PLANAR)[0] for model in models)
+    planar = [predicted(model, runs, PLANAR)[0] for model in models]
+    # What the rollers add to either prediction.
+    on_rollers = [
+        {name: v + more for name, v in one.items()} for one, more in zip(planar, (2.0, 5.0), strict=True)
+    ]
+    before, after = ([one] for one in on_rollers)
+    (found,) = without_scatter(problem, ["track_width"], models, runs, (before, after))
     for name, values in found.items():
-        np.testing.assert_array_equal(values, after[name] - before[name])
-    assert np.any(found["yaw_rate_rad_s"])
-    assert without_scatter(problem, ["low_grip"], models, runs, ([shapes], [scattered])) == [scattered]
-    assert without_scatter(problem, [], models, runs, ([shapes], [scattered])) == [scattered]
+        np.testing.assert_allclose(values, planar[1][name] + 2.0, atol=1e-9)
+    assert np.max(np.abs(found["yaw_rate_rad_s"] - before[0]["yaw_rate_rad_s"])) > 0.01
+    assert without_scatter(problem, ["low_grip"], models, runs, (before, after)) is after
+    assert without_scatter(problem, [], models, runs, (before, after)) is after

@@ -35,6 +35,7 @@ static void start_steady(Drive* s, const double* p, double speed, double gap_sha
 static int64_t simulate(const double* p, double inertia, double damping, double h, const Run* run, double* speeds) {
   // The inertia that an implicit step moves.
   const double moved = inertia + h * (p[SERVO] + damping);
+  const int plain = chain_is_plain(p);
   Drive s;
   start_steady(&s, p, run->initial, run->gap_share);
   Substep now = {run->initial, run->initial * RAD_S_PER_RPM, h, 1, 0};
@@ -44,14 +45,16 @@ static int64_t simulate(const double* p, double inertia, double damping, double 
     for (; given < run->commands && run->times[given] <= n * h + EARLY; given++) now.command = run->values[given];
     if (run->lost) now.lost_v = run->lost[n];
     chain_begin(&s, p, &now);
-    Torques t = chain_torques(&s, p, &now);
-    double reported = chain_reported(&t), torque = reported - damping * now.speed;
+    Torques t = {0};
+    if (!plain) t = chain_torques(&s, p, &now);
+    double reported = plain ? chain_plain_torque(&s, p, &now) : chain_reported(&t);
+    double torque = reported - damping * now.speed;
     double speed = now.speed + h * (torque * (1 / moved));
     if (!(fabs(torque / inertia) <= LARGEST && fabs(speed) <= LARGEST)) {
       for (int64_t i = n + 1; i <= run->steps; i++) speeds[i] = NAN;
       return n;
     }
-    chain_end(&s, p, &now, t.asked, t.drive, reported, speed);
+    if (!plain) chain_end(&s, p, &now, t.asked, t.drive, reported, speed);
     now.speed = speed;
   }
   speeds[run->steps] = now.speed / RAD_S_PER_RPM;

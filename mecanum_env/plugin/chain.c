@@ -225,6 +225,15 @@ Torques chain_torques(const Drive* s, const double* p, const Substep* now) {
 
 double chain_reported(const Torques* t) { return t->drive + t->friction + t->custom; }
 
+int chain_is_plain(const double* p) {
+  int loaded = p[GAP] > 0 || p[RIPPLE] > 0 || p[RIPPLE_SHARE] > 0 || p[INTEGRAL_GAIN] > 0 || p[COULOMB] > 0 ||
+               p[BREAKAWAY] > 0 || p[VISCOUS_WARM_SHARE] > 0 || p[TORQUE_LIMIT] < UNLIMITED;
+  for (int i = 0; i < N_STATIONS; i++) loaded |= PROGRAM(p, i)[0] != OP_END;
+  return !loaded;
+}
+
+double chain_plain_torque(const Drive* s, const double* p, const Substep* now) { return asked_torque(s, p, now); }
+
 void chain_end(Drive* s, const double* p, const Substep* now, double asked, double delivered, double reported,
                double speed) {
   double h = now->timestep, half = p[GAP] / 2;

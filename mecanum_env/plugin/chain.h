@@ -38,6 +38,12 @@ Torques chain_torques(const Drive* s, const double* p, const Substep* now);
 // Their sum.
 double chain_reported(const Torques* t);
 
+// Whether the servo alone moves the wheel behind the setpoint, as with most sets of parameters that a fit tries. The
+// substep is then chain_begin and the motion under chain_plain_torque, with the same bits; the state behind the setpoint
+// stays as it is, since nothing depends on it.
+int chain_is_plain(const double* p);
+double chain_plain_torque(const Drive* s, const double* p, const Substep* now);
+
 // Take over the substep's motion: the wheel's speed at its end [rad/s], the drive's torque that was delivered (0 while
 // actuation is disabled) and the whole torque that was reported [N m].
 void chain_end(Drive* s, const double* p, const Substep* now, double asked, double delivered, double reported,

@@ -153,6 +153,37 @@ def test_sets_and_runs_at_once_equal_the_loop_bit_for_bit(stable_law, seed, time
     np.testing.assert_array_equal(found, loop(rows, wheels, timestep, commands, initial, lost_v, starts))
 
 
+# The loop takes a shorter way where nothing acts behind the set-point; each of these must be told from that.
+@pytest.mark.parametrize(
+    "acting",
+    [
+        *((name,) for name in (*RANGES, "torque_limit_n_m", "program 0", "program 1", "program 2")),
+        ("viscous_n_m_s_rad", "viscous_warm_share", "friction_warm_s"),
+        ("breakaway_n_m", "stribeck_rad_s"),
+        (),
+    ],
+    ids=" ".join,
+)
+def test_each_parameter_alone_is_the_same_in_both(acting):
+    values = dict.fromkeys(CHAIN, 0.0) | dict(zip("ADE", (0.6, 0.3, 0.1), strict=True))
+    values |= {"sample_period_s": 1 / 120, "command_period_s": 0.1, "servo_n_m_s_rad": 0.8}
+    values |= {"inertia_kg_m2": 3e-3, "torque_limit_n_m": 1e10, "ripple_per_turn": 6.0}
+    programs = [(), (), ()]
+    for name in acting:
+        if name.startswith("program"):
+            programs[int(name[-1])] = compile_formula("0.2 * speed * cos(angle)")
+        else:
+            values[name] = 0.2 if name == "torque_limit_n_m" else float(np.mean(RANGES[name]))
+    padded = [number for one in programs for number in (*one, *[0.0] * (PROGRAM_SIZE - len(one)))]
+    rows, wheels = np.array([[*values.values(), *padded]]), np.array([[3e-3, 0.05]])
+    commands = np.repeat(np.array([[60.0, -30.0, 0.0, 90.0]]), 60, axis=1)
+    lost_v = np.linspace(0.0, 2.0, commands.size)[None]
+    assert refusal(rows[0], 1 / 480) is None
+    found = free_wheel_speeds(rows, wheels, 1 / 480, commands, np.zeros(1), lost_v, np.array([0.5]))
+    expected = loop(rows, wheels, 1 / 480, commands, np.zeros(1), lost_v, np.array([0.5]))
+    np.testing.assert_array_equal(found, expected)
+
+
 @pytest.mark.parametrize("also", [{}, {"inertia_kg_m2": 0.0}])
 def test_a_heavier_wheel_than_the_drive_knows_of_is_the_same_in_both(stable_law, also):
     rng = np.random.default_rng(3)

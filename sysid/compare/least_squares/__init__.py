@@ -9,7 +9,7 @@ from sysid.compare.least_squares.fitted import (
     held_starts,
     marginal_function,
 )
-from sysid.compare.least_squares.from_afar import descend_from_afar
+from sysid.compare.least_squares.from_afar import descend_from_afar, descend_from_many
 from sysid.compare.least_squares.gauss_newton import (
     Minimum,
     compass_search,
@@ -32,6 +32,7 @@ __all__ = [
     "compass_search",
     "derivative_free",
     "descend_from_afar",
+    "descend_from_many",
     "descend_steeply",
     "fit",
     "function_near",

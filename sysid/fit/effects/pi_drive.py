@@ -25,7 +25,7 @@ from mecanum_env.law import WheelLaw
 from mecanum_env.model import Model
 from mecanum_env.simulator.free_wheel import EffectNumbers
 from mecanum_env.units import FloatArray
-from sysid.compare.least_squares import descend_from_afar
+from sysid.compare.least_squares import descend_from_many
 
 ResidualsOf: TypeAlias = Callable[[Model, FloatArray, EffectNumbers], Sequence[FloatArray | None]]
 """Residuals (N,) of several drives: a model, their laws A-F (6, m), and the numbers of their effects."""
@@ -57,11 +57,8 @@ _RAMP: Final[Mapping[str, _Range]] = {"jerk_s": (0.001, 0.002, 0.3, 1.0)}
 """The same for the ramp: the time in which it reaches its rate."""
 _TRIED: Final = 512
 _DESCENDED: Final = 12
-_BEST: Final = 3
-"""Places that are tried, a power of two, those from which the numbers descend, and those that go on. Assumed:
-some seconds for a fit."""
-_STEPS: Final = 12
-_LAST_STEPS: Final = 30
+"""Places that are tried, a power of two, and those from which the numbers descend. Assumed: some seconds for
+a fit."""
 _ASTRAY: Final = 1e3
 """Every residual of a drive that cannot be simulated."""
 _AT_ONCE: Final = 16
@@ -102,10 +99,8 @@ def pi_drive(alone: Model, top_rpm: float, kind: Kind, residuals_of: ResidualsOf
         return alone
     astray = np.full(size, _ASTRAY)
     costs = [float(np.sum((astray if one is None else one) ** 2)) for one in tried]
-    coarse = [descend_from_afar(left, places[i], 1e-2, _STEPS) for i in np.argsort(costs)[:_DESCENDED]]
-    coarse.sort(key=lambda one: one[0])
-    fine = [descend_from_afar(left, place, 1e-3, _LAST_STEPS) for _, place in coarse[:_BEST]]
-    return model_at(min(fine, key=lambda one: one[0])[1])
+    _, best = descend_from_many(left, [places[i] for i in np.argsort(costs)[:_DESCENDED]])
+    return model_at(best)
 
 
 def _laws(tick_s: float, numbers: Mapping[str, FloatArray]) -> FloatArray:

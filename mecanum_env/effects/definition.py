@@ -220,6 +220,9 @@ class Effect:
     limit_bodies: LimitBodies | None = None
     """Needed beside `limit_body`, likewise."""
     change_channels: ChangeChannels | None = None
+    damps_joint: bool = False
+    """Whether all that `change_spec` does on the bench is to damp the joint as the drive's load says, so that
+    the wheel can be simulated without MuJoCo."""
 
     @property
     def cause(self) -> str:

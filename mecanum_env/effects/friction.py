@@ -46,28 +46,33 @@ COULOMB: Final = "coulomb_friction"
 DEAD_ZONE_LIKE_IT: Final = "command_deadband/subtract"
 """A dead zone that takes the same speed from a wheel that turns as Coulomb friction does on a drive without
 integral action. Every motor rubs, and floors and loads change that; a dead zone is a number in a drive."""
-TORQUES: Final[Mapping[str, str]] = MappingProxyType(
+_TORQUES: Final[Mapping[str, str]] = MappingProxyType(
     {
         "coulomb_friction": "torque_n_m",
         "stiction": "breakaway_n_m",
         "viscous_friction": "damping_n_m_s_rad",
         "torque_ripple": "torque_n_m",
+        "warm_up/cold_friction": "torque_n_m",
     }
 )
-"""Cause that is a torque on the wheel -> its parameter that says how large."""
+"""Cause, or form of one, that is a torque on the wheel -> its parameter that says how large."""
+
+
+def torque_of(name: str) -> str:
+    """Return the parameter of an effect, in any form, that is its torque; "" if it is no torque."""
+    return _TORQUES.get(name) or _TORQUES.get(cause_of(name), "")
 
 
 def droop_rpm(name: str, values: Values, model: Model, speed_rpm: float | None = None) -> float:
     """Return the speed [rpm] that a torque takes from a drive of the model without integral action.
 
     It is torque / servo, at a wheel speed that counts for viscous friction only, by default the usual highest
-    one. `name` is one of an effect with `TORQUES`, in any form, and `values` are its parameters. Breakaway
-    counts as at rest, a ripple with its amplitude.
+    one. `name` is one of an effect with a `torque_of`, in any form, and `values` are its parameters.
+    Breakaway counts as at rest, a ripple with its amplitude, a cold bearing with its torque at the start.
     """
     speed = usual_ceiling_rpm(model) if speed_rpm is None else speed_rpm
-    cause = cause_of(name)
-    torque = values.get(TORQUES[cause], 0.0)
-    if cause == "viscous_friction":
+    torque = values.get(torque_of(name), 0.0)
+    if cause_of(name) == "viscous_friction":
         torque *= speed * RAD_S_PER_RPM
     weak = model.effects.get("weak_servo", {})
     servo = weak.get("servo_n_m_s_rad", model.robot.servo_n_m_s_rad)
@@ -141,36 +146,27 @@ def _warm(drive: DriveParameters, values: Values, _wheel: str | None) -> DrivePa
 
 
 def _cold(drive: DriveParameters, values: Values, _wheel: str | None) -> DriveParameters:
-    """Return a drive whose bearing begins with 1 + share times its frictions, and comes down to them.
+    """Return a drive whose bearing begins with more friction than its own, and comes down to that.
 
-    1 + share exp(-t / T) = (1 + share) (1 - s (1 - exp(-t / T))) with s = share / (1 + share): a larger
-    friction that falls as it warms up, which the plugin has.
+    T + more exp(-t / T_c) = (T + more) (1 - s (1 - exp(-t / T_c))) with s = more / (T + more): a larger
+    friction that falls as it warms up, which the plugin has. Coulomb friction and stiction grow alike.
     """
-    load, dry, viscous = drive.load, 1.0 + values["share"], 1.0 + values["viscous_share"]
+    load, more, damping = drive.load, values["torque_n_m"], values["damping_n_m_s_rad"]
+    dry = load.coulomb_n_m + load.breakaway_n_m
+    viscous = load.viscous_n_m_s_rad + damping
+    larger = 1.0 + more / dry if dry > 0.0 else 1.0
     return replace(
         drive,
         load=replace(
             load,
-            breakaway_n_m=dry * load.breakaway_n_m,
-            coulomb_n_m=dry * load.coulomb_n_m,
-            viscous_n_m_s_rad=viscous * load.viscous_n_m_s_rad,
-            friction_warm_share=values["share"] / dry,
-            viscous_warm_share=values["viscous_share"] / viscous,
+            breakaway_n_m=larger * load.breakaway_n_m,
+            coulomb_n_m=larger * load.coulomb_n_m if dry > 0.0 else more,
+            viscous_n_m_s_rad=viscous,
+            friction_warm_share=more / (dry + more) if more > 0.0 else 0.0,
+            viscous_warm_share=damping / viscous if damping > 0.0 else 0.0,
             friction_warm_s=values["time_constant_s"],
         ),
     )
-
-
-def _cold_joints(spec: mujoco.MjSpec, values: Values, _model: Model, plant: PlantKind) -> None:
-    bodies = ("base_x", "base_y", "base_yaw") if plant == "planar" else ()
-    for joint in spec.joints:
-        if joint.name in ("wheel", *_WHEEL_JOINTS, *bodies):
-            joint.damping[0] *= 1.0 + values["viscous_share"]
-
-
-def _cold_body(body: PlanarBody, values: Values) -> PlanarBody:
-    damping = body.wheel_damping_n_m_s_rad * (1.0 + values["viscous_share"])
-    return replace(body, wheel_damping_n_m_s_rad=damping)
 
 
 EFFECTS: Final = (
@@ -252,6 +248,7 @@ EFFECTS: Final = (
         change_drive=_loads(_viscous),
         change_spec=_damped_joints,
         change_planar=_damped_body,
+        damps_joint=True,
     ),
     Effect(
         name="viscous_friction/washed_out",
@@ -266,24 +263,22 @@ EFFECTS: Final = (
         change_drive=_loads(_viscous),
         change_spec=_damped_joints,
         change_planar=_damped_body,
+        damps_joint=True,
     ),
     Effect(
         name="warm_up/cold_friction",
         station="load",
         acts_on="wheel joint",
-        parameters=(
-            Parameter("share", "1", 0.0, (0.0, 4.0), (0.0, 1e3)),
-            Parameter("viscous_share", "1", 0.0, (0.0, 4.0), (0.0, 1e3)),
-            FADING,
-        ),
-        summary="A bearing whose model is that of a warm one starts cold: its Coulomb friction and stiction "
-        "are larger by `share` of themselves at the start, its viscous friction by `viscous_share`, and all "
-        "are the model's when it is warm.",
+        parameters=(_TORQUE, _DAMPING, FADING),
+        summary="A bearing starts cold, and the model is that of a warm one: at the start this torque and "
+        "this damping are added to its frictions, of which it may have none, and fade. Coulomb friction and "
+        "stiction share the torque as the model has them.",
         signature="The loss in speed and the hold at rest are larger at the start of a run only.",
         direct_check=_COLD_AND_WARM,
         undone_by="command",
         change_drive=_cold,
-        change_spec=_cold_joints,
-        change_planar=_cold_body,
+        change_spec=_damped_joints,
+        change_planar=_damped_body,
+        damps_joint=True,
     ),
 )

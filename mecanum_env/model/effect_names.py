@@ -48,7 +48,7 @@ _SCHEMA: Final[dict[str, tuple[str, ...]]] = {
     "stiction/washed_out": ("breakaway_n_m", "stribeck_rpm", "answer_s", "washout_s"),
     "viscous_friction": ("damping_n_m_s_rad", "answer_s"),
     "viscous_friction/washed_out": ("damping_n_m_s_rad", "answer_s", "washout_s"),
-    "warm_up/cold_friction": ("share", "viscous_share", "time_constant_s"),
+    "warm_up/cold_friction": ("torque_n_m", "damping_n_m_s_rad", "time_constant_s"),
     "torque_ripple": ("per_turn", "share", "torque_n_m", "phase_deg"),
     "torque_ripple/washed_out": ("per_turn", "share", "torque_n_m", "phase_deg", "answer_s", "washout_s"),
     "roller_friction": ("torque_n_m", "damping_n_m_s_rad"),

@@ -61,14 +61,13 @@ class FreeWheel:
             InputError: an effect that the bench cannot simulate, or a value out of range.
         """
         changed = changed_model(model, "bench")
-        step, damping, mj_model = fitting_timestep(changed, timestep_s), 0.0, None
-        for effect, values in active_effects(changed):
-            if effect.change_spec is not None and effect.acts_in("bench"):
-                if effect.load is None:
-                    mj_model = compile_bench(model, wheel, timestep_s)
-                else:
-                    damping += effect.load(values).damping_n_m_s_rad
-        drive = drive_parameters(changed, wheel)
+        step, drive = fitting_timestep(changed, timestep_s), drive_parameters(changed, wheel)
+        damping, mj_model = 0.0, None
+        for effect, _ in active_effects(changed):
+            if effect.damps_joint:
+                damping = drive.load.viscous_n_m_s_rad
+            elif effect.change_spec is not None and effect.acts_in("bench"):
+                mj_model = compile_bench(model, wheel, timestep_s)
         parameters = chain_numbers(changed.robot, drive, NO_TORQUE_LIMIT, wheel_inertia(changed.robot))
         if why := refusal(parameters, step):
             raise InputError(f"the bench: {why}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from mecanum_env.effects.friction import TORQUES, droop_rpm, stiffness_is_known
+from mecanum_env.effects.friction import droop_rpm, stiffness_is_known, torque_of
 from mecanum_env.model import Model, cause_of, form_of
 from sysid.compare.model_error import covariance_of, with_adopted
 from sysid.compare.search_space import EffectSet
@@ -72,7 +72,7 @@ def _effects_there(found: Inquiry, chosen: ScoredSet) -> tuple[FoundEffect, ...]
 
 def _droop(name: str, parameters: Mapping[str, Interval], model: Model, speed_rpm: float) -> Interval | None:
     """Return the droop [rpm] of an effect that is a torque, of one in proportion to speed at `speed_rpm`."""
-    parameter = TORQUES.get(cause_of(name), "")
+    parameter = torque_of(name)
     torque = parameters.get(parameter)
     if torque is None:
         return None

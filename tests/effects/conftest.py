@@ -65,7 +65,7 @@ BESIDE = {
     ("viscous_friction/washed_out", "answer_s"): {"damping_n_m_s_rad": 0.3},
     ("viscous_friction/washed_out", "washout_s"): {"damping_n_m_s_rad": 0.3},
     ("warm_up/friction", "time_constant_s"): {"share": 0.8},
-    ("warm_up/cold_friction", "time_constant_s"): {"share": 2.0},
+    ("warm_up/cold_friction", "time_constant_s"): {"torque_n_m": 0.5},
     ("torque_ripple", "per_turn"): {"torque_n_m": 0.5},
     ("torque_ripple", "phase_deg"): {"torque_n_m": 0.5},
     **{

@@ -137,15 +137,27 @@ def test_warming_up_takes_its_share_of_each_friction(base, name):
 
 
 @pytest.mark.parametrize("name", FRICTIONS)
-def test_a_cold_bearing_has_its_share_more_of_each_friction(base, name):
+def test_a_cold_bearing_has_more_of_each_friction(base, name):
     rubbing = base.with_effect(name, **FRICTIONS[name])
-    shares = {"share": 0.6, "viscous_share": 0.3}
-    model = rubbing.with_effect("warm_up", "cold_friction", **shares, time_constant_s=0.5)
+    own = next(iter(FRICTIONS[name].values()))
+    more = {"damping_n_m_s_rad" if name == "viscous_friction" else "torque_n_m": 0.5 * own}
+    model = rubbing.with_effect("warm_up", "cold_friction", **more, time_constant_s=0.5)
     warm, warming = lost(rubbing, base), lost(model, base)
-    settled, own = TIME > 0.5, shares["viscous_share" if name == "viscous_friction" else "share"]
-    expected = warm[settled] * (1 + own * np.exp(-TIME[settled] / 0.5))
+    settled = TIME > 0.5
+    expected = warm[settled] * (1 + 0.5 * np.exp(-TIME[settled] / 0.5))
     # A slower wheel has less viscous friction, too.
     np.testing.assert_allclose(warming[settled], expected, rtol=0.05)
+
+
+@pytest.mark.parametrize("more", [{"torque_n_m": 0.2}, {"damping_n_m_s_rad": 0.02}])
+def test_a_cold_bearing_has_friction_where_the_model_has_none(base, more):
+    lasting = base.with_effect("coulomb_friction" if "torque_n_m" in more else "viscous_friction", **more)
+    fading = base.with_effect("warm_up", "cold_friction", **more, time_constant_s=0.5)
+    cold, warming = lost(lasting, base), lost(fading, base)
+    settled = TIME > 0.5
+    np.testing.assert_allclose(
+        warming[settled], cold[settled] * np.exp(-TIME[settled] / 0.5), rtol=0.05, atol=0.02
+    )
 
 
 @pytest.mark.parametrize("plant", ["rollers", "planar"])
@@ -155,7 +167,8 @@ def test_a_cold_bearing_has_its_share_more_of_each_friction(base, name):
 )
 def test_on_the_robot_a_bearing_that_stays_cold_has_more_friction(base, plant, name, value, ratio):
     warm = base.with_effect(name, **value)
-    cold = warm.with_effect("warm_up", "cold_friction", share=0.5, viscous_share=0.8, time_constant_s=1e4)
+    more = {key: (ratio - 1.0) * size for key, size in value.items()}
+    cold = warm.with_effect("warm_up", "cold_friction", **more, time_constant_s=1e4)
     none, loss, more = (
         drive(m, BodyCommands.constant(60), 2.0, plant=plant).wheels_rpm[-200:].mean()
         for m in (base, warm, cold)

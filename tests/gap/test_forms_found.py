@@ -73,15 +73,21 @@ def test_a_friction_that_warms_up_is_found_where_the_model_has_friction(bench_lo
 
 
 @pytest.mark.parametrize(
-    ("name", "base", "share"),
-    [("warm_up/cold", MODEL, 0.1), ("warm_up/cold", MODEL, -0.1), ("warm_up/cold_friction", RUBBING, 1.5)],
+    ("name", "base", "parameter", "size"),
+    [
+        ("warm_up/cold", MODEL, "share", 0.1),
+        ("warm_up/cold", MODEL, "share", -0.1),
+        ("warm_up/cold_friction", RUBBING, "torque_n_m", 12.0),
+        ("warm_up/cold_friction", MODEL, "torque_n_m", 8.0),
+        ("warm_up/cold_friction", MODEL, "damping_n_m_s_rad", 3.0),
+    ],
 )
 def test_a_cold_start_of_a_drive_that_was_fitted_warm_is_one_effect(
-    bench_logs: MakeLogs, name: str, base: Model, share: float
+    bench_logs: MakeLogs, name: str, base: Model, parameter: str, size: float
 ) -> None:
-    left, values = found(bench_logs, base, name, {"share": share, "time_constant_s": 0.8})
+    left, values = found(bench_logs, base, name, {parameter: size, "time_constant_s": 0.8})
     assert left < 1.3
-    assert values["share"] == pytest.approx(share, rel=0.2)
+    assert values[parameter] == pytest.approx(size, rel=0.2)
 
 
 def test_a_curve_is_found_as_a_map(bench_logs: MakeLogs) -> None:

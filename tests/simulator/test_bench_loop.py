@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from mecanum_env.effects import Effect, Parameter, registered
+from mecanum_env.effects import CATALOGUE, Effect, Parameter, registered
 from mecanum_env.effects.apply import changed_model, drive_parameters
 from mecanum_env.errors import InputError
 from mecanum_env.law import WheelLaw
@@ -20,6 +20,7 @@ from mecanum_env.simulator.commands import hold
 from mecanum_env.simulator.free_wheel import (
     BenchRun,
     BenchRuns,
+    FreeWheel,
     FreeWheels,
     compile_bench,
     mujoco_bench_motion,
@@ -57,8 +58,8 @@ EFFECTS = {
     "viscous_friction/washed_out": {"damping_n_m_s_rad": st.floats(0.0, 0.5), "answer_s": ANSWERS},
     "warm_up/friction": {"share": st.floats(0.0, 1.0), "time_constant_s": st.floats(0.1, 10.0)},
     "warm_up/cold_friction": {
-        "share": st.floats(0.0, 10.0),
-        "viscous_share": st.floats(0.0, 10.0),
+        "torque_n_m": st.floats(0.0, 2.0),
+        "damping_n_m_s_rad": st.floats(0.0, 2.0),
         "time_constant_s": st.floats(0.1, 10.0),
     },
     "torque_ripple": {
@@ -149,6 +150,13 @@ def reference_speed(model, run, clock):
     lost_v = None if run.supply is None else run.supply.lost_at(clock[:-1])[None]
     started = (held[None], np.array([initial]), lost_v, run.gap_share)
     return free_wheel_speeds(row[None], np.array([wheel]), step, *started)[0, 0]
+
+
+@pytest.mark.parametrize("name", [name for name in EFFECTS if CATALOGUE[name].acts_in("bench")])
+def test_no_effect_of_the_catalogue_needs_mujoco_on_the_bench(paper, name):
+    """MuJoCo takes many times as long, and a search simulates wheels thousands of times."""
+    sizes = {p.name: 0.5 * sum(p.bounds) for p in CATALOGUE[name].parameters}
+    assert FreeWheel.of(paper.with_effect(name, **sizes)).mj_model is None
 
 
 def test_models_and_runs_of_one_call_do_not_disturb_each_other(paper):

@@ -82,14 +82,16 @@ def test_a_large_change_leaves_more_than_a_small_one(change: Change | Outsider) 
     assert small < large
 
 
-def test_a_cold_gear_rubs_by_its_share_more_and_warms_up_to_what_it_was() -> None:
+def test_a_cold_gear_rubs_more_and_warms_up_to_what_it_was() -> None:
     change = change_of("warm_up", "cold_friction")
     before = first_with(change)
     after = at(change, before, 0.7)
-    share = change.truth(before, after)["share"]
+    more = change.truth(before, after)
+    sticking = after.gear.wheel_sticking_n_m - before.gear.wheel_sticking_n_m
     for speed in (0.0, 5.0):
         cold, warm = friction_torque(after, speed), friction_torque(before, speed)
-        assert cold == pytest.approx((1.0 + share) * warm)
+        expected = more["torque_n_m"] - sticking + more["damping_n_m_s_rad"] * speed
+        assert cold - warm == pytest.approx(expected)
         assert cold * (1.0 - after.gear.friction_warming) == pytest.approx(warm)
 
 

@@ -28,9 +28,9 @@ from typing import Final
 
 import numpy as np
 
-from mecanum_env.effects.friction import TORQUES, droop_rpm, stiffness_is_known
+from mecanum_env.effects.friction import droop_rpm, stiffness_is_known, torque_of
 from mecanum_env.law.stability import POLE_LIMIT
-from mecanum_env.model import Model, cause_of
+from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 from sysid.compare.measured import observe, select_runs
 from sysid.compare.model_error import Whitener
@@ -81,7 +81,7 @@ class DriveEffects:
 
     def _sizes(self, name: str) -> dict[str, float]:
         """Return the parameters of an effect; a torque as the speed that it takes, in N m only if known."""
-        values, torque = dict(self.model.effects[name]), TORQUES.get(cause_of(name), "")
+        values, torque = dict(self.model.effects[name]), torque_of(name)
         if torque not in values:
             return values
         told = {"droop_rpm": droop_rpm(name, values, self.model)}

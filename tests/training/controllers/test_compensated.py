@@ -49,7 +49,7 @@ DRIVES = {
         "weak_servo": {"servo_n_m_s_rad": 0.5},
     },
     "warm_up/cold_friction": {
-        "warm_up/cold_friction": {"share": 2.0, "viscous_share": 4.0, "time_constant_s": 1.5},
+        "warm_up/cold_friction": {"torque_n_m": 0.2, "damping_n_m_s_rad": 0.12, "time_constant_s": 1.5},
         "coulomb_friction": {"torque_n_m": 0.1},
         "viscous_friction": {"damping_n_m_s_rad": 0.03},
         "weak_servo": {"servo_n_m_s_rad": 0.5},

@@ -193,11 +193,15 @@ def _cold_friction(drive: Drive) -> bool:
     return drive.gear.friction_warming == 0.0 and friction_torque(drive, top) > 0.0
 
 
-def _more_when_cold(_: Drive, after: Drive) -> Parameters:
-    """Return by how much of itself all friction is larger when the gear is cold."""
-    share = 1.0 / (1.0 - after.gear.friction_warming) - 1.0
-    seconds = after.gear.friction_warming_s
-    return {"share": share, "viscous_share": share, "time_constant_s": seconds}
+def _more_when_cold(before: Drive, after: Drive) -> Parameters:
+    """Return what the cold gear adds to its frictions."""
+    at_rest, at_1_rad_s = (friction_torque(after, w) - friction_torque(before, w) for w in (0.0, 1.0))
+    sticking = after.gear.wheel_sticking_n_m - before.gear.wheel_sticking_n_m
+    return {
+        "torque_n_m": at_rest + sticking,
+        "damping_n_m_s_rad": at_1_rad_s - at_rest,
+        "time_constant_s": after.gear.friction_warming_s,
+    }
 
 
 LIMIT_CHANGES: Final = (

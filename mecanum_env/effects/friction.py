@@ -41,6 +41,8 @@ _WARMING: Final = Parameter(
     "time_constant_s", "s", None, (0.1, 300.0), (1e-3, 1e6), default=10.0, scan=(0.5, 3, 20, 120)
 )
 _COLD_AND_WARM: Final = "the motor's current at one speed, cold and warm"
+_NO_FRICTION: Final = 1e-300
+"""Friction that is none, by which 0 may be divided."""
 
 COULOMB: Final = "coulomb_friction"
 DEAD_ZONE_LIKE_IT: Final = "command_deadband/subtract"
@@ -152,18 +154,19 @@ def _cold(drive: DriveParameters, values: Values, _wheel: str | None) -> DrivePa
     friction that falls as it warms up, which the plugin has. Coulomb friction and stiction grow alike.
     """
     load, more, damping = drive.load, values["torque_n_m"], values["damping_n_m_s_rad"]
+    # Without branches, as the numbers may be those of many robots.
     dry = load.coulomb_n_m + load.breakaway_n_m
+    sticking = load.breakaway_n_m / np.maximum(dry, _NO_FRICTION)
     viscous = load.viscous_n_m_s_rad + damping
-    larger = 1.0 + more / dry if dry > 0.0 else 1.0
     return replace(
         drive,
         load=replace(
             load,
-            breakaway_n_m=larger * load.breakaway_n_m,
-            coulomb_n_m=larger * load.coulomb_n_m if dry > 0.0 else more,
+            breakaway_n_m=load.breakaway_n_m + sticking * more,
+            coulomb_n_m=load.coulomb_n_m + (1.0 - sticking) * more,
             viscous_n_m_s_rad=viscous,
-            friction_warm_share=more / (dry + more) if more > 0.0 else 0.0,
-            viscous_warm_share=damping / viscous if damping > 0.0 else 0.0,
+            friction_warm_share=more / np.maximum(dry + more, _NO_FRICTION),
+            viscous_warm_share=damping / np.maximum(viscous, _NO_FRICTION),
             friction_warm_s=values["time_constant_s"],
         ),
     )

@@ -48,34 +48,33 @@ COULOMB: Final = "coulomb_friction"
 DEAD_ZONE_LIKE_IT: Final = "command_deadband/subtract"
 """A dead zone that takes the same speed from a wheel that turns as Coulomb friction does on a drive without
 integral action. Every motor rubs, and floors and loads change that; a dead zone is a number in a drive."""
-_TORQUES: Final[Mapping[str, str]] = MappingProxyType(
+_TORQUES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
     {
-        "coulomb_friction": "torque_n_m",
-        "stiction": "breakaway_n_m",
-        "viscous_friction": "damping_n_m_s_rad",
-        "torque_ripple": "torque_n_m",
-        "warm_up/cold_friction": "torque_n_m",
+        "coulomb_friction": ("torque_n_m",),
+        "stiction": ("breakaway_n_m",),
+        "viscous_friction": (_DAMPING.name,),
+        "torque_ripple": ("torque_n_m",),
+        "warm_up/cold_friction": ("torque_n_m", _DAMPING.name),
     }
 )
-"""Cause, or form of one, that is a torque on the wheel -> its parameter that says how large."""
+"""Cause, or form of one, that is a torque on the wheel -> its parameters that say how large."""
 
 
-def torque_of(name: str) -> str:
-    """Return the parameter of an effect, in any form, that is its torque; "" if it is no torque."""
-    return _TORQUES.get(name) or _TORQUES.get(cause_of(name), "")
+def torques_of(name: str) -> tuple[str, ...]:
+    """Return the parameters of an effect, in any form, that are torques; none if it is no torque."""
+    return _TORQUES.get(name) or _TORQUES.get(cause_of(name), ())
 
 
 def droop_rpm(name: str, values: Values, model: Model, speed_rpm: float | None = None) -> float:
     """Return the speed [rpm] that a torque takes from a drive of the model without integral action.
 
-    It is torque / servo, at a wheel speed that counts for viscous friction only, by default the usual highest
-    one. `name` is one of an effect with a `torque_of`, in any form, and `values` are its parameters.
-    Breakaway counts as at rest, a ripple with its amplitude, a cold bearing with its torque at the start.
+    It is torque / servo, at a wheel speed that counts for damping only, by default the usual highest one.
+    `name` is one of an effect with `torques_of`, in any form, and `values` are its parameters. Breakaway
+    counts as at rest, a ripple with its amplitude, a cold bearing with its torque and damping at the start.
     """
     speed = usual_ceiling_rpm(model) if speed_rpm is None else speed_rpm
-    torque = values.get(torque_of(name), 0.0)
-    if cause_of(name) == "viscous_friction":
-        torque *= speed * RAD_S_PER_RPM
+    factors = {_DAMPING.name: speed * RAD_S_PER_RPM}
+    torque = sum(factors.get(key, 1.0) * values.get(key, 0.0) for key in torques_of(name))
     weak = model.effects.get("weak_servo", {})
     servo = weak.get("servo_n_m_s_rad", model.robot.servo_n_m_s_rad)
     return torque / servo / RAD_S_PER_RPM

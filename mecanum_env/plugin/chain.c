@@ -225,6 +225,7 @@ Torques chain_torques(const Drive* s, const double* p, const Substep* now) {
 
 double chain_reported(const Torques* t) { return t->drive + t->friction + t->custom; }
 
+// Viscous friction is the joint's, and does not count here until it warms up.
 int chain_is_plain(const double* p) {
   int loaded = p[GAP] > 0 || p[RIPPLE] > 0 || p[RIPPLE_SHARE] > 0 || p[INTEGRAL_GAIN] > 0 || p[COULOMB] > 0 ||
                p[BREAKAWAY] > 0 || p[VISCOUS_WARM_SHARE] > 0 || p[TORQUE_LIMIT] < UNLIMITED;

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from mecanum_env.effects.friction import droop_rpm, stiffness_is_known, torque_of
+from mecanum_env.effects.friction import droop_rpm, stiffness_is_known, torques_of
 from mecanum_env.model import Model, cause_of, form_of
 from sysid.compare.model_error import covariance_of, with_adopted
 from sysid.compare.search_space import EffectSet
@@ -72,12 +72,13 @@ def _effects_there(found: Inquiry, chosen: ScoredSet) -> tuple[FoundEffect, ...]
 
 def _droop(name: str, parameters: Mapping[str, Interval], model: Model, speed_rpm: float) -> Interval | None:
     """Return the droop [rpm] of an effect that is a torque, of one in proportion to speed at `speed_rpm`."""
-    parameter = torque_of(name)
-    torque = parameters.get(parameter)
-    if torque is None:
+    torques = {key: parameters[key] for key in torques_of(name) if key in parameters}
+    if not torques:
         return None
-    ends = torque.value, torque.low, torque.high
-    return Interval(*(droop_rpm(name, {parameter: end}, model, speed_rpm) for end in ends))
+    ends = (
+        {key: getattr(torque, end) for key, torque in torques.items()} for end in ("value", "low", "high")
+    )
+    return Interval(*(droop_rpm(name, values, model, speed_rpm) for values in ends))
 
 
 def _forms_tied(name: str, chosen: ScoredSet, candidates: Sequence[ScoredSet]) -> tuple[str, ...]:

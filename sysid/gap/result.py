@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from mecanum_env.effects.friction import torques_of
 from mecanum_env.model import CustomEffect, Model, cause_of, form_of
 from mecanum_env.simulator import RobotPlant
 from mecanum_env.units import FloatArray
@@ -104,8 +105,8 @@ class FoundEffect:
         """What a reader is told: the parameters, and a torque as a droop, in N m only if that is known."""
         if self.droop_rpm is None:
             return dict(self.parameters)
-        # The names of parameters end with their units.
-        told = {n: i for n, i in self.parameters.items() if self.torque_known or "_n_m" not in n}
+        torques = torques_of(self.name)
+        told = {n: i for n, i in self.parameters.items() if self.torque_known or n not in torques}
         return {"droop_rpm": self.droop_rpm, **told}
 
     @property

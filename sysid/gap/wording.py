@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from mecanum_env.effects import CATALOGUE
-from mecanum_env.effects.friction import droop_rpm, torque_of
+from mecanum_env.effects.friction import droop_rpm, torques_of
 from mecanum_env.kinematics import POSE, TWIST, WHEEL_SPEEDS
 from mecanum_env.model import Model, cause_of, form_of
 from sysid.gap.result import CustomProposal, Difference, GapReport, Interval, Region
@@ -229,7 +229,7 @@ def sizes(effect: str, values: Mapping[str, float]) -> str:
 def sizes_in(model: Model, effect: str) -> str:
     """Return the parameters of an effect of a model; of a torque the speed that it takes from the drive."""
     values = model.effects[effect]
-    if torque_of(effect) in values:
+    if values.keys() & set(torques_of(effect)):
         return amount(droop_rpm(effect, values, model), "rpm")
     return sizes(effect, values)
 

@@ -83,10 +83,6 @@ BESIDE = {
 # Other effects without which this one has nothing to act on.
 COMPANIONS = {
     "warm_up/friction": {"coulomb_friction": {"torque_n_m": 0.5}},
-    "warm_up/cold_friction": {
-        "coulomb_friction": {"torque_n_m": 0.5},
-        "viscous_friction": {"damping_n_m_s_rad": 0.2},
-    },
 }
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mecanum_env.effects.apply import changed_model
+from mecanum_env.effects.apply import changed_model, drive_parameters
 from mecanum_env.effects.friction import droop_rpm, stiffness_is_known
 from mecanum_env.errors import InputError
 from mecanum_env.mjcf import bench_spec, planar_spec, robot_spec
@@ -147,6 +147,26 @@ def test_a_cold_bearing_has_more_of_each_friction(base, name):
     expected = warm[settled] * (1 + 0.5 * np.exp(-TIME[settled] / 0.5))
     # A slower wheel has less viscous friction, too.
     np.testing.assert_allclose(warming[settled], expected, rtol=0.05)
+
+
+@pytest.mark.parametrize("stuck", [{}, {"stiction": {"breakaway_n_m": 0.3}}])
+@pytest.mark.parametrize("rubs", [{}, {"coulomb_friction": {"torque_n_m": 0.1}}])
+def test_a_warm_bearing_has_the_frictions_of_the_model_again(base, rubs, stuck):
+    warm = replace(base, effects={**rubs, **stuck, "viscous_friction": {"damping_n_m_s_rad": 0.02}})
+    more = {"torque_n_m": 0.2, "damping_n_m_s_rad": 0.05}
+    own, cold = (drive_parameters(m).load for m in (warm, warm.with_effect("warm_up/cold_friction", **more)))
+    dry, damp = 1.0 - cold.friction_warm_share, 1.0 - cold.viscous_warm_share
+    found = (dry * cold.coulomb_n_m, dry * cold.breakaway_n_m, damp * cold.viscous_n_m_s_rad)
+    assert found == pytest.approx((own.coulomb_n_m, own.breakaway_n_m, own.viscous_n_m_s_rad), abs=1e-12)
+    added = cold.coulomb_n_m + cold.breakaway_n_m - own.coulomb_n_m - own.breakaway_n_m
+    assert added == pytest.approx(more["torque_n_m"])
+
+
+def test_the_droop_of_a_cold_bearing_is_that_of_its_torque_and_its_damping(base):
+    parts = {"coulomb_friction": {"torque_n_m": 0.2}, "viscous_friction": {"damping_n_m_s_rad": 0.05}}
+    cold = {"torque_n_m": 0.2, "damping_n_m_s_rad": 0.05}
+    droops = [droop_rpm(name, values, base, 60.0) for name, values in parts.items()]
+    assert droop_rpm("warm_up/cold_friction", cold, base, 60.0) == pytest.approx(sum(droops))
 
 
 @pytest.mark.parametrize("more", [{"torque_n_m": 0.2}, {"damping_n_m_s_rad": 0.02}])

@@ -28,7 +28,7 @@ from typing import Final
 
 import numpy as np
 
-from mecanum_env.effects.friction import droop_rpm, stiffness_is_known, torque_of
+from mecanum_env.effects.friction import droop_rpm, stiffness_is_known, torques_of
 from mecanum_env.law.stability import POLE_LIMIT
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
@@ -81,13 +81,12 @@ class DriveEffects:
 
     def _sizes(self, name: str) -> dict[str, float]:
         """Return the parameters of an effect; a torque as the speed that it takes, in N m only if known."""
-        values, torque = dict(self.model.effects[name]), torque_of(name)
-        if torque not in values:
+        values, torques = dict(self.model.effects[name]), torques_of(name)
+        if not values.keys() & set(torques):
             return values
         told = {"droop_rpm": droop_rpm(name, values, self.model)}
-        if not stiffness_is_known(self.model):
-            del values[torque]
-        return told | values
+        known = stiffness_is_known(self.model)
+        return told | {key: value for key, value in values.items() if known or key not in torques}
 
 
 def find_drive_effects(

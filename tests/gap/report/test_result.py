@@ -259,6 +259,9 @@ def test_a_torque_is_a_droop_and_a_number_of_n_m_only_where_the_stiffness_is_kno
     assert found.estimates == {"droop_rpm": droop, "torque_n_m": torque}
     assert replace(found, torque_known=False).estimates == {"droop_rpm": droop}
     assert FoundEffect("speed_gain", {"gain": torque}, 1.0, torque_known=False).estimates == {"gain": torque}
+    cold = {"torque_n_m": torque, "damping_n_m_s_rad": torque, "time_constant_s": torque}
+    bearing = FoundEffect("warm_up/cold_friction", cold, 1.0, droop, torque_known=False)
+    assert bearing.estimates == {"droop_rpm": droop, "time_constant_s": torque}
 
 
 def test_the_droop_of_a_torque_is_in_the_file_and_in_the_text(named: GapReport):

@@ -221,13 +221,14 @@ def _merged(found: _Found, options: GapOptions, report: GapReport, rest: GapRepo
     if options.fitted_on is not None and since != "new" and rest.verdict == "no_gap":
         return _without_name(found, report, rest)
     effect = FoundEffect(name, parameters, fault.frequency, since=since)
-    cause = cause_of(name)
-    sets = rest.candidates or ((),)
+    causes = [cause_of(name) for name in (name, *([_NAMES[fault.rival]] if fault.rival else []))]
+    cause, sets = causes[0], rest.candidates or ((),)
+    candidates = [(one, *(c for c in names if c != one)) for one in causes for names in sets]
     return replace(
         rest,
-        verdict="ambiguous" if rest.verdict == "ambiguous" else "named",
+        verdict="ambiguous" if rest.verdict == "ambiguous" or fault.rival else "named",
         effects=(effect, *(one for one in rest.effects if one.cause != cause)),
-        candidates=tuple(dict.fromkeys((cause, *(c for c in names if c != cause)) for names in sets)),
+        candidates=tuple(dict.fromkeys(candidates)),
         gap=_whole(report.gap, rest.gap),
         gap_beside_fit=_whole_beside(report.gap_beside_fit, rest.gap_beside_fit),
         channels={key: _whole(one, rest.channels[key]) for key, one in report.channels.items()},
@@ -289,6 +290,10 @@ def _note(fault: LinkFault) -> str:
     older = ""
     if fault.surplus < _SURPLUS:
         older = "; the link may have lost as many while the logs of the fit were recorded, which show fewer"
+    if fault.rival == "loss":
+        what += ", or some of the commands never arrive and are repeated"
+    elif fault.rival == "jitter":
+        what += ", or each acts at a time of its own"
     return (
         f"{what} (2 log likelihood ratio {fault.evidence:.0f}); the error after is with the changes where "
         f"they acted, which says nothing about predicting single changes{older}"

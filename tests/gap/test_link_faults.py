@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from mecanum_env.model import Model, paper_model
 from mecanum_env.simulator.bench import bench_motion
-from sysid.compare.links import AlignedLogs, LinkClock, LinkDelays, link_delays
+from sysid.compare.links import AlignedLogs, LinkClock, LinkDelays, LinkFault, link_delays, link_fault
 from sysid.gap import link_faults
 from sysid.gap.link_faults import with_link_fault
 from sysid.gap.result import GapOptions, GapReport
@@ -65,6 +66,19 @@ def test_lost_commands_are_named_with_their_share(seed: int) -> None:
     (found,) = report.effects
     assert found.name == "command_loss"
     assert found.parameters["share"].low < SHARE < found.parameters["share"].high
+
+
+def test_a_loss_that_may_be_a_jitter_is_told_as_either(monkeypatch: pytest.MonkeyPatch) -> None:
+    def either(*given: Any) -> LinkFault | None:
+        found = link_fault(*given)
+        return None if found is None else replace(found, rival="jitter")
+
+    monkeypatch.setattr(link_faults, "link_fault", either)
+    report = analyse(logs("loss", 1), paper_model(), replace(QUIET, fitted_on=logs("steady", 9)))
+    assert report.verdict == "ambiguous"
+    assert report.candidates == (("command_loss",), ("command_latency",))
+    assert [found.name for found in report.effects] == ["command_loss"]
+    assert any("or each acts at a time of its own" in note for note in report.notes)
 
 
 def test_lost_commands_are_no_gap_where_the_logs_of_the_fit_may_have_as_many() -> None:

@@ -11,6 +11,10 @@ before the next change. The period is estimated, too, since a log may not show h
 command. A spread, and a loss, is claimed if it raises the likelihood of all changes far more
 than its price, beside the spread and the loss of the logs of the model's fit, where these are known. How much
 of a loss those may have had, too, is told by the `surplus`.
+
+Under a model that errs, delays spread more than the link makes them, and a spread may explain lost commands
+better than a loss without one does. So a loss is also tried with any spread that leaves the repetitions
+apart, against that spread alone.
 """
 
 from __future__ import annotations
@@ -38,6 +42,9 @@ _FINER: Final[tuple[float, ...]] = tuple(np.linspace(0.88, 1.12, 13).tolist())
 _SCALE: Final = 0.83
 """Scale of that distribution which fits normal delays best, in their standard deviations; for uniform ones it
 is 0.91."""
+_APART: Final = 0.25
+"""Largest spread, in periods, with which delays by a whole number of periods stand apart: their clusters do
+not overlap within two standard deviations."""
 _RESAMPLES: Final = 500
 _ROUNDING: Final = 1.0 / math.sqrt(12.0)
 """Spread of what is rounded up to the next sample, in sampling intervals."""
@@ -77,6 +84,9 @@ class LinkFault:
     """Standard deviation of the delays beside a loss [s]."""
     surplus: float = math.inf
     """Twice the logarithm of the likelihood ratio of this loss to one that the logs of the fit share."""
+    rival: Kind | None = None
+    """The other fault, where the delays do not tell the two apart: commands that are sent as often as a log
+    has rows come late by as many rows as are lost."""
 
     def delays(self, found: LinkDelays) -> LinkDelays:
         """Return the delays that were `found` as the fault makes them most likely, around its delay.
@@ -136,8 +146,20 @@ def link_fault(
     tables = [replace(table, period_s=period) for table in tables]
     loss, jitter = (min(each(table, known) for table in tables) for each in (_of_loss, _of_jitter))
     kind: Kind = "loss" if loss >= jitter else "jitter"
-    proof, table = max(loss, jitter), tables[0]
-    if proof < EVIDENCE or (kind == "loss" and _only_small_starts(table, found.changes, known)):
+    proof = max(loss, jitter)
+    if proof < EVIDENCE:
+        return None
+    rival: Kind | None = "jitter" if kind == "loss" else "loss"
+    if min(loss, jitter) < EVIDENCE or abs(loss - jitter) >= EVIDENCE:
+        rival = None
+    if kind == "jitter":
+        period_beside, spread_s = _likeliest_clusters(tables, known)
+        clustered = [replace(table, period_s=period_beside) for table in tables]
+        if min(_of_clusters(table, known, spread_s) for table in clustered) >= EVIDENCE:
+            kind, rival, period, tables = "loss", None, period_beside, clustered
+            known = replace(known, spread_s=max(known.spread_s, spread_s))
+    table = tables[0]
+    if kind == "loss" and _only_small_starts(table, found.changes, known):
         return None
     if kind == "loss":
         spread_s = max(_spreads(known), key=lambda one: _most(table, [one], _shares(known)))
@@ -163,7 +185,7 @@ def link_fault(
         )
         delay = float(own.mean()), max(0.0, float(own.mean()) - half), float(own.mean()) + half
     surplus = _surplus(table, known, spread_s) if kind == "loss" else math.inf
-    return LinkFault(kind, proof, delay, size, period, frequency, spread_s, surplus)
+    return LinkFault(kind, proof, delay, size, period, frequency, spread_s, surplus, rival)
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,6 +291,32 @@ def _of_loss(table: _Table, known: LinkState) -> float:
     larger = _most(table, _spreads(known), [known_share, *shares[::3]])
     # The period of a loss is one more number that was estimated.
     return 2.0 * (larger - _as_known(table, known)) - 2.0 * math.log(len(table.offset))
+
+
+def _likeliest_clusters(tables: Sequence[_Table], known: LinkState) -> tuple[float, float]:
+    """Return the period of repetitions and the spread around them [s] that explain most, if they stand apart.
+
+    The spread is no less than that of the logs themselves.
+    """
+    shares = _SHARES[4::7]
+
+    def worth(place: tuple[float, float]) -> float:
+        moved = [replace(table, period_s=place[0]) for table in tables]
+        return min(_most(one, [place[1]], shares) for one in moved)
+
+    def spreads(period_s: float) -> list[float]:
+        return [s for s in _SPREADS_S[::2] if known.least_spread_s < s <= _APART * period_s]
+
+    coarse = [(period, spread) for period in _PERIODS_S for spread in spreads(period)]
+    period_s, spread_s = max(coarse, key=worth, default=(_PERIODS_S[-1], known.spread_s))
+    return max(((multiple * period_s, spread_s) for multiple in _FINER), key=worth)
+
+
+def _of_clusters(table: _Table, known: LinkState, spread_s: float) -> float:
+    """Return the evidence for a loss beside a spread, against whatever spread without more than known."""
+    lost = _most(table, [spread_s], _shares(known)[1::3])
+    # Period and share are two more numbers.
+    return 2.0 * (lost - _most(table, _larger(known.spread_s), [known.share]) - math.log(len(table.offset)))
 
 
 def _surplus(table: _Table, known: LinkState, spread_s: float) -> float:

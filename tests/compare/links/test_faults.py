@@ -70,6 +70,36 @@ def test_lost_commands_are_found_with_their_share(seed: int) -> None:
     assert fault.period_s == pytest.approx(0.1, rel=0.1)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_lost_commands_are_told_from_a_jitter_under_a_model_that_errs(seed: int) -> None:
+    """Its delays spread by more than any link makes them, but repetitions stand apart."""
+    rng = np.random.default_rng(seed + 300)
+    true = 0.05 + 0.08 * (rng.geometric(0.75, 100) - 1) + 0.012 * rng.standard_normal(100)
+    fault = link_fault(measured(seed, np.abs(true)), KNOWN, 0.9, np.random.default_rng(0))
+    assert fault is not None
+    assert (fault.kind, fault.rival) == ("loss", None)
+    assert fault.size[1] < 0.25 < fault.size[2]
+    assert fault.period_s == pytest.approx(0.08, rel=0.1)
+    assert fault.spread_s == pytest.approx(0.012, rel=0.5)
+
+
+def test_commands_that_are_sent_as_often_as_they_are_logged_may_be_late_or_lost() -> None:
+    rng = np.random.default_rng(0)
+    fault = link_fault(
+        measured(0, 0.01 * (rng.geometric(0.6, 60) - 1)), KNOWN, 0.9, np.random.default_rng(0)
+    )
+    assert fault is not None
+    assert {fault.kind, fault.rival} == {"jitter", "loss"}
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_jitter_alone_is_no_loss(seed: int) -> None:
+    true = 0.1 + 0.04 * np.random.default_rng(seed + 400).uniform(-1.7, 1.7, 100)
+    fault = link_fault(measured(seed, true), KNOWN, 0.9, np.random.default_rng(0))
+    assert fault is not None
+    assert (fault.kind, fault.rival) == ("jitter", None)
+
+
 def test_what_the_logs_of_the_fit_show_too_is_no_fault() -> None:
     jitters = [0.1 + 0.03 * np.random.default_rng(seed).standard_normal(60) for seed in (1, 2)]
     before, after = (measured(seed, true) for seed, true in enumerate(jitters))

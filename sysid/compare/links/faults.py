@@ -1,16 +1,10 @@
 """What a link does to its commands, from the delays of single changes: delay, jitter, or loss.
 
-Let l_i(d) be the likelihood of change i of the command acting d late (`sysid.compare.links.delays`), and l_i
-that of it never acting. With a common delay m and a spread s of Student's t (weights w_s around m) the
-likelihood of the change is
-
-    L_i(m, s, q) = sum_k (1 - q) q^k sum_d w_s(d - m - k p) l_i(d) + q^K_i l_i:
-
-a command that is lost, with a probability q, is repeated one period p later, and K_i repetitions follow
-before the next change. The period is estimated, too, since a log may not show how often a drive is sent its
-command. A spread, and a loss, is claimed if it raises the likelihood of all changes far more
-than its price, beside the spread and the loss of the logs of the model's fit, where these are known. How much
-of a loss those may have had, too, is told by the `surplus`.
+`sysid.compare.links.delay_table` says how likely the delays are under a spread and a loss. The period after
+which a lost command is repeated is estimated, too, since a log may not show how often a drive is sent its
+command. A spread, and a loss, is claimed if it raises the likelihood of all changes far more than its price,
+beside the spread and the loss of the logs of the model's fit, where these are known. How much of a loss those
+may have had, too, is told by the `surplus`.
 
 Under a model that errs, delays spread more than the link makes them, and a spread may explain lost commands
 better than a loss without one does. So a loss is also tried with any spread that leaves the repetitions
@@ -21,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 import numpy as np
@@ -29,7 +23,8 @@ from scipy.stats import chi2, norm
 
 from mecanum_env.units import FloatArray
 from sysid.compare.links.changes import GRID_S, LONGEST_S, STEP_S, Change
-from sysid.compare.links.common_delay import EVIDENCE, FEWEST, student_weights
+from sysid.compare.links.common_delay import EVIDENCE, FEWEST
+from sysid.compare.links.delay_table import DelayTable
 from sysid.compare.links.delays import LinkDelays
 from sysid.compare.measured import COMMAND_STEP_RPM
 
@@ -39,9 +34,6 @@ _SHARES: Final[tuple[float, ...]] = (0.0, *np.geomspace(0.0005, 0.5, 32).tolist(
 _PERIODS_S: Final[tuple[float, ...]] = tuple(np.geomspace(0.01, 0.2, 22).tolist())
 _FINER: Final[tuple[float, ...]] = tuple(np.linspace(0.88, 1.12, 13).tolist())
 """Multiples of the best period at which it is looked for again: several lost in a row show it to 2 %."""
-_SCALE: Final = 0.83
-"""Scale of that distribution which fits normal delays best, in their standard deviations; for uniform ones it
-is 0.91."""
 _APART: Final = 0.25
 """Largest spread, in periods, with which delays by a whole number of periods stand apart: their clusters do
 not overlap within two standard deviations."""
@@ -94,7 +86,7 @@ class LinkFault:
         A jitter gives each change the mean of its posterior; a loss so
         many periods as are most likely.
         """
-        table, mean_s = _Table.of(found, found.likelihood, self.period_s), self.delay_s[0]
+        table, mean_s = DelayTable.of(found, found.likelihood, self.period_s), self.delay_s[0]
         if self.kind == "jitter":
             delay_s = table.posterior_s(self.size[0], mean_s)
             return replace(found, delay_s=delay_s, mean_s=mean_s, spread_s=self.size[0])
@@ -118,7 +110,7 @@ def known_state(before: LinkDelays | None, interval_s: float) -> LinkState:
     least_s = _ROUNDING * interval_s
     if before is None or len(before.likelihood) < FEWEST:
         return LinkState(least_s, least_spread_s=least_s)
-    table = _Table.of(before, before.likelihood, _PERIODS_S[0])
+    table = DelayTable.of(before, before.likelihood, _PERIODS_S[0])
     spread = max(_SPREADS_S, key=lambda one: float(table.total(one, 0.0).max()))
     period = _likeliest_period([table], LinkState(spread))
     shares = replace(table, period_s=period)
@@ -141,7 +133,7 @@ def link_fault(
     """
     if len(found.likelihood) < FEWEST:
         return None
-    tables = [_Table.of(found, one, _PERIODS_S[0]) for one in (found.likelihood, found.untrended)]
+    tables = [DelayTable.of(found, one, _PERIODS_S[0]) for one in (found.likelihood, found.untrended)]
     period = _likeliest_period(tables, known)
     tables = [replace(table, period_s=period) for table in tables]
     loss, jitter = (min(each(table, known) for table in tables) for each in (_of_loss, _of_jitter))
@@ -188,73 +180,6 @@ def link_fault(
     return LinkFault(kind, proof, delay, size, period, frequency, spread_s, surplus, rival)
 
 
-@dataclass(frozen=True, eq=False)
-class _Table:
-    """Likelihoods of the changes."""
-
-    scaled: FloatArray
-    """Of each change (rows) at each delay of the grid, each row divided by its largest."""
-    never: FloatArray
-    """Of each change never acting, on the same scales."""
-    offset: FloatArray
-    """Logarithms of the scales."""
-    hold_s: FloatArray
-    """How long each command is held [s]."""
-    period_s: float
-    """Time after which a lost command is repeated [s]."""
-    memory: dict[float, FloatArray] = field(default_factory=dict)
-    """Spread [s] -> likelihoods with that spread."""
-
-    @property
-    def repeats(self) -> FloatArray:
-        """How often each command is repeated before the next change."""
-        return np.asarray(np.maximum(1.0, np.floor(self.hold_s / self.period_s)))
-
-    def smoothed(self, spread_s: float) -> FloatArray:
-        """Return the likelihood of each change (rows) for each common delay of the grid, without losses."""
-        if spread_s not in self.memory:
-            spread = self.scaled if spread_s == 0.0 else self.scaled @ _kernel(spread_s).T
-            self.memory[spread_s] = np.asarray(spread)
-        return self.memory[spread_s]
-
-    @classmethod
-    def of(cls, found: LinkDelays, likelihood: FloatArray, period_s: float) -> _Table:
-        """Return the table for some logarithms of likelihoods (n, grid) of the changes."""
-        offset = np.maximum(likelihood.max(axis=1), found.lost_likelihood)
-        given = np.array([change.given_s for change in found.changes])
-        run = np.array([change.run for change in found.changes])
-        hold = np.append(np.where(np.diff(run) == 0, np.diff(given), LONGEST_S), LONGEST_S)
-        with np.errstate(under="ignore"):
-            scaled = np.exp(likelihood - offset[:, None])
-            never = np.exp(found.lost_likelihood - offset)
-        return cls(scaled, never, offset, hold, period_s)
-
-    def posterior_s(self, spread_s: float, mean_s: float) -> FloatArray:
-        """Return the mean of each delay's posterior [s], (n,), for a spread around a common delay [s]."""
-        weight = self.scaled * _kernel(spread_s)[round(mean_s / STEP_S)]
-        return np.asarray((weight @ GRID_S) / np.maximum(weight.sum(axis=1), 1e-300))
-
-    def each(self, spread_s: float, share: float) -> FloatArray:
-        """Return the logarithm of the likelihood of each change (rows) for each common delay of the grid."""
-        at = self.smoothed(spread_s)
-        total = (1.0 - share) * at
-        if share > 0.0:
-            weight, step, repeats = 1.0 - share, self.period_s / STEP_S, self.repeats
-            for lost in range(1, math.ceil(LONGEST_S / self.period_s)):
-                weight *= share
-                cells = round(lost * step)
-                if weight < 1e-9 or cells >= GRID_S.size:
-                    break
-                room = (repeats > lost)[:, None]
-                total[:, : GRID_S.size - cells] += weight * room * at[:, cells:]
-            total += (share**repeats * self.never)[:, None]
-        return np.asarray(np.log(np.maximum(total, 1e-300)) + self.offset[:, None])
-
-    def total(self, spread_s: float, share: float) -> FloatArray:
-        """Return the logarithm of the likelihood of all changes for each common delay of the grid."""
-        return np.asarray(self.each(spread_s, share).sum(axis=0))
-
-
 def _larger(spread_s: float) -> list[float]:
     return [spread_s, *(spread for spread in _SPREADS_S if spread > spread_s)]
 
@@ -269,22 +194,22 @@ def _shares(known: LinkState) -> list[float]:
     return [known.share, *(share for share in _SHARES if share > known.share)]
 
 
-def _most(table: _Table, spreads_s: Sequence[float], shares: Sequence[float]) -> float:
+def _most(table: DelayTable, spreads_s: Sequence[float], shares: Sequence[float]) -> float:
     """Return the largest logarithm of the likelihood of all changes with some spreads and shares."""
     return max(float(table.total(spread, share).max()) for spread in spreads_s for share in shares)
 
 
-def _as_known(table: _Table, known: LinkState) -> float:
+def _as_known(table: DelayTable, known: LinkState) -> float:
     return _most(table, _spreads(known), [known.share])
 
 
-def _of_jitter(table: _Table, known: LinkState) -> float:
+def _of_jitter(table: DelayTable, known: LinkState) -> float:
     """Return the evidence for a larger spread than the known one."""
     larger = _most(table, _larger(known.spread_s), [known.share])
     return 2.0 * (larger - _as_known(table, known)) - math.log(len(table.offset))
 
 
-def _of_loss(table: _Table, known: LinkState) -> float:
+def _of_loss(table: DelayTable, known: LinkState) -> float:
     """Return the evidence for a larger loss than the known one."""
     known_share, *shares = _shares(known)
     # Every third of them is close enough to the best one.
@@ -293,7 +218,7 @@ def _of_loss(table: _Table, known: LinkState) -> float:
     return 2.0 * (larger - _as_known(table, known)) - 2.0 * math.log(len(table.offset))
 
 
-def _likeliest_clusters(tables: Sequence[_Table], known: LinkState) -> tuple[float, float]:
+def _likeliest_clusters(tables: Sequence[DelayTable], known: LinkState) -> tuple[float, float]:
     """Return the period of repetitions and the spread around them [s] that explain most, if they stand apart.
 
     The spread is no less than that of the logs themselves.
@@ -312,14 +237,14 @@ def _likeliest_clusters(tables: Sequence[_Table], known: LinkState) -> tuple[flo
     return max(((multiple * period_s, spread_s) for multiple in _FINER), key=worth)
 
 
-def _of_clusters(table: _Table, known: LinkState, spread_s: float) -> float:
+def _of_clusters(table: DelayTable, known: LinkState, spread_s: float) -> float:
     """Return the evidence for a loss beside a spread, against whatever spread without more than known."""
     lost = _most(table, [spread_s], _shares(known)[1::3])
     # Period and share are two more numbers.
     return 2.0 * (lost - _most(table, _larger(known.spread_s), [known.share]) - math.log(len(table.offset)))
 
 
-def _surplus(table: _Table, known: LinkState, spread_s: float) -> float:
+def _surplus(table: DelayTable, known: LinkState, spread_s: float) -> float:
     """Return the `surplus` of a loss beside a spread: of two logs, either may have lost more by chance."""
     if not known.losses:
         return math.inf
@@ -328,7 +253,7 @@ def _surplus(table: _Table, known: LinkState, spread_s: float) -> float:
     return 2.0 * (max(totals) - common)
 
 
-def _only_small_starts(table: _Table, changes: Sequence[Change], known: LinkState) -> bool:
+def _only_small_starts(table: DelayTable, changes: Sequence[Change], known: LinkState) -> bool:
     """Return whether only small commands to a wheel at rest are lost, as far as the likelihood tells.
 
     A wheel that sticks does not start for a small command, and a drive with a dead zone ignores it, now and
@@ -351,11 +276,11 @@ def _only_small_starts(table: _Table, changes: Sequence[Change], known: LinkStat
     return bool(2.0 * (among.max() - gains.sum(axis=1).max()) > math.log(len(changes)))
 
 
-def _best(table: _Table, place: tuple[float, float]) -> int:
+def _best(table: DelayTable, place: tuple[float, float]) -> int:
     return int(np.argmax(table.total(*place)))
 
 
-def _likeliest_period(tables: Sequence[_Table], known: LinkState) -> float:
+def _likeliest_period(tables: Sequence[DelayTable], known: LinkState) -> float:
     """Return the time after which lost commands are repeated [s] that explains most beside what is known."""
     shares = _SHARES[4::7]
 
@@ -374,8 +299,3 @@ def _interval(values: FloatArray, totals: FloatArray, level: float) -> tuple[flo
     inside = np.flatnonzero(2.0 * (totals[best] - totals) <= chi2.ppf(level, 1))
     low, high = max(0, int(inside[0]) - 1), min(values.size - 1, int(inside[-1]) + 1)
     return float(values[best]), float(values[low]), float(values[high])
-
-
-def _kernel(spread_s: float) -> FloatArray:
-    """Return the probability of each delay of the grid (columns) for each common delay (rows)."""
-    return student_weights(_SCALE * spread_s)

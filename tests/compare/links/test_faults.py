@@ -85,9 +85,7 @@ def test_lost_commands_are_told_from_a_jitter_under_a_model_that_errs(seed: int)
 
 def test_commands_that_are_sent_as_often_as_they_are_logged_may_be_late_or_lost() -> None:
     rng = np.random.default_rng(0)
-    fault = link_fault(
-        measured(0, 0.01 * (rng.geometric(0.6, 60) - 1)), KNOWN, 0.9, np.random.default_rng(0)
-    )
+    fault = link_fault(measured(0, 0.01 * (rng.geometric(0.6, 60) - 1)), KNOWN, 0.9, np.random.default_rng(0))
     assert fault is not None
     assert {fault.kind, fault.rival} == {"jitter", "loss"}
 

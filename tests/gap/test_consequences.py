@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mecanum_env.model import Model, paper_model
+from mecanum_env.model import EFFECT_PARAMETERS, Model, paper_model
 from sysid.gap.search.consequences import without_consequences
 from sysid.gap.search.scores import ScoredSet
 
@@ -17,10 +17,13 @@ BASE_COST = 1000.0
 
 
 def a_set(cost: float, *names: str, **values: float) -> ScoredSet:
-    """Return a set with a cost, whose model has a limit of these values."""
+    """Return a set with a cost, whose model has limits of these values."""
 
     def model(base: Model, _place: object) -> Model:
-        return base if not values else base.with_effect(names[0], **values)
+        for name in names:
+            own = {key: value for key, value in values.items() if key in EFFECT_PARAMETERS[name]}
+            base = base.with_effect(*name.split("/"), **own) if own else base
+        return base
 
     candidate = SimpleNamespace(model=model)
     fitted: Any = SimpleNamespace(names=names, cost=cost, place=np.zeros(0), candidate=candidate)
@@ -55,3 +58,26 @@ def test_a_limit_that_explains_most_is_no_consequence() -> None:
     pair = a_set(100.0, "speed_saturation", "coulomb_friction", limit_rpm=90.0)
     little = a_set(700.0, "coulomb_friction")
     assert without_consequences(BASE, BASE_COST, (pair,), (pair, little)) == ((pair,), ())
+
+
+LIMITS = ("speed_saturation", "acceleration_limit/drive")
+BOTH = a_set(120.0, *LIMITS, limit_rpm=90.0, limit_rpm_s=500.0)
+
+
+def test_a_load_that_two_lower_limits_stand_for_is_reported_without_them() -> None:
+    all_three = a_set(100.0, *LIMITS, "coulomb_friction", limit_rpm=90.0, limit_rpm_s=500.0)
+    found, notes = without_consequences(BASE, BASE_COST, (BOTH,), (BOTH, all_three, ALONE))
+    assert found == (BOTH, ALONE)
+    assert "speed_saturation + acceleration_limit/drive may be a consequence of coulomb_friction" in notes[0]
+
+
+@pytest.mark.parametrize("cost", [115.0, 120.0])
+def test_a_load_that_two_lower_limits_do_not_need_is_not_reported(cost: float) -> None:
+    all_three = a_set(cost, *LIMITS, "coulomb_friction", limit_rpm=90.0, limit_rpm_s=500.0)
+    assert without_consequences(BASE, BASE_COST, (BOTH,), (BOTH, all_three, ALONE)) == ((BOTH,), ())
+
+
+def test_one_lower_limit_is_no_sign_of_a_load() -> None:
+    ceiling = a_set(120.0, "speed_saturation", limit_rpm=90.0)
+    pair = a_set(100.0, "speed_saturation", "coulomb_friction", limit_rpm=90.0)
+    assert without_consequences(BASE, BASE_COST, (ceiling,), (ceiling, pair, ALONE)) == ((ceiling,), ())

@@ -52,6 +52,8 @@ BESIDE = {
     ("speed_saturation", "softness_rpm"): {"limit_rpm": 60.0},
     ("speed_saturation/supply", "motor_s"): {"limit_rpm": 60.0},
     ("speed_saturation/supply", "per_volt"): {"limit_rpm": 30.0},
+    ("speed_saturation/supply", "windup"): {"limit_rpm": 30.0},
+    ("acceleration_limit/drive", "windup"): {"limit_rpm_s": 300.0},
     ("stiction", "stribeck_rpm"): {"breakaway_n_m": 0.5},
     ("acceleration_limit/drive", "brake_rpm_s"): {"limit_rpm_s": 300.0},
     ("coulomb_friction", "answer_s"): {"torque_n_m": 0.5},

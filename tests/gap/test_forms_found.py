@@ -12,6 +12,7 @@ from sysid.compare.least_squares import ResidualProblem
 from sysid.compare.measured import observe
 from sysid.compare.model_error import Whitener
 from sysid.compare.noise import measure_noise
+from sysid.fit.effects.pi_drive import pi_law
 from sysid.gap.search.responses import Library, responses
 from sysid.gap.search.sets import Search
 from sysid.gap.search.thresholds import SearchEffort
@@ -44,6 +45,26 @@ def test_a_brake_of_its_own_is_found(bench_logs: MakeLogs, form: str, brake: flo
     assert left < 1.3
     assert values["limit_rpm_s"] == pytest.approx(500.0, rel=0.05)
     assert values["brake_rpm_s"] == pytest.approx(brake, rel=0.05)
+
+
+@pytest.mark.parametrize("windup", [0.0, 1.0])
+@pytest.mark.parametrize(
+    ("name", "limit"),
+    [
+        ("speed_saturation/supply", {"limit_rpm": 70.0}),
+        ("acceleration_limit/drive", {"limit_rpm_s": 250.0, "brake_rpm_s": 250.0}),
+    ],
+)
+def test_a_limit_tells_whether_the_integral_winds_up(
+    bench_logs: MakeLogs, name: str, limit: Mapping[str, float], windup: float
+) -> None:
+    """The model knows of no limit, and so its fit could not tell."""
+    base = replace(MODEL, wheel=replace(MODEL.wheel, law=pi_law(0.1, 0.3, 3.0, 0.3, 0.05)))
+    left, values = found(bench_logs, base, name, {**limit, "windup": windup})
+    assert left < 1.3
+    parameter, size = next(iter(limit.items()))
+    assert values[parameter] == pytest.approx(size, rel=0.05)
+    assert values.get("windup", 0.0) == pytest.approx(windup, abs=0.05)
 
 
 def test_a_brake_that_is_the_limit_is_left_out(bench_logs: MakeLogs) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 
 from mecanum_env.effects import CATALOGUE, Effect
 from mecanum_env.effects.friction import COULOMB, DEAD_ZONE_LIKE_IT
+from mecanum_env.effects.motor import WINDUP
 from mecanum_env.errors import MecanumError
 from mecanum_env.model import Model, cause_of
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
@@ -286,7 +287,8 @@ class EffectSearch:
             if parameter.name in TRIED
         ]
         free = dict.fromkeys([*chosen.coordinates, *tried])
-        return replace(chosen, coordinates=tuple(map(self._wide, free)))
+        # Whether the integral of the drive winds up belongs to its law (`pi_drive`).
+        return replace(chosen, coordinates=tuple(self._wide(c) for c in free if c.parameter != WINDUP.name))
 
     def _wide(self, one: Coordinate) -> Coordinate:
         """Return a coordinate that reaches as far as the speeds of the logs do."""

@@ -17,7 +17,7 @@ from sysid.gap.design.experiment import Design
 from sysid.gap.design.next_experiment import design_next_experiment
 from sysid.gap.inquiry import Inquiry, inquire
 from sysid.gap.link_faults import as_given, with_link_fault
-from sysid.gap.only_in_test import only_in_test
+from sysid.gap.only_in_test import odd_test_runs, only_in_test
 from sysid.gap.refuted import at_least_thresholds, not_in_test_runs, refuted, verdict_of_refuted
 from sysid.gap.report.beside_fit import gap_beside_fit
 from sysid.gap.report.held_out import (
@@ -155,7 +155,10 @@ def _report(
         beside = gap_beside_fit(dataset, options.fitted_on, model, compared, runs, problem.settings)
     detectable, unseen, asked = _what_is_open(dataset, options, found, considered, improved)
     unanswered = () if asked.experiment or not asked.why else (asked.why,)
-    hidden = only_in_test(dataset, model, options.fitted_on) if decision.verdict == "no_gap" else ""
+    hidden, odd = "", ""
+    if decision.verdict == "no_gap":
+        hidden = only_in_test(dataset, model, options.fitted_on)
+        odd = "" if hidden else odd_test_runs(dataset, model, options.fitted_on)
     return GapReport(
         verdict="unexplained" if hidden else decision.verdict,
         effects=effects,
@@ -179,7 +182,7 @@ def _report(
             *_there_notes(found),
             *decision.notes,
             *unanswered,
-            *filter(None, (hidden,)),
+            *filter(None, (hidden, odd)),
         ),
         overlays=overlays(comparison),
         custom=custom,

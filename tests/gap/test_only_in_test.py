@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from mecanum_env.model import Model
+from sysid.gap.only_in_test import odd_test_runs
 from sysid.gap.result import GapOptions
 from sysid.gap.workflow import analyse
 from sysid.logs import Dataset
@@ -28,6 +29,15 @@ def test_a_gap_in_the_test_runs_alone_is_unexplained(bench_logs: MakeLogs, base:
     assert any("test runs differ from the logs of the fit" in note for note in report.notes)
 
 
-def test_one_odd_test_run_is_no_gap(bench_logs: MakeLogs, base: Model) -> None:
-    options = GapOptions(next_experiment=False, fitted_on=bench_logs(base, seed=1))
-    assert analyse(slowed(bench_logs(base, seed=1), 1), base, options).verdict == "no_gap"
+def test_one_odd_test_run_is_no_gap_and_is_pointed_out(bench_logs: MakeLogs, base: Model) -> None:
+    logs = slowed(bench_logs(base, seed=1), 1)
+    report = analyse(logs, base, GapOptions(next_experiment=False, fitted_on=bench_logs(base, seed=1)))
+    assert report.verdict == "no_gap"
+    (note,) = [note for note in report.notes if "as any other run" in note]
+    assert f"the model misses {logs.split('test')[0].file} (" in note
+
+
+def test_test_runs_like_the_others_are_not_pointed_out(bench_logs: MakeLogs, base: Model) -> None:
+    logs, fitted_on = bench_logs(base, seed=2), bench_logs(base, seed=1)
+    assert odd_test_runs(logs, base, fitted_on) == ""
+    assert odd_test_runs(logs, base, None) == ""

@@ -7,7 +7,6 @@ fit hold other commands, the model may err in these alone, so that the runs are 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Final
 
@@ -64,12 +63,13 @@ def odd_test_runs(dataset: Dataset, model: Model, fitted_on: Dataset | None) -> 
 
     It is asked on the bench, and of the logs of the fit as well, if they are known.
     """
-    if dataset.level != "bench" or not dataset.split("test"):
-        return ""
     others = [run for run in dataset.runs if run.split != "test"]
+    if dataset.level != "bench" or len(others) in (0, len(dataset.runs)):
+        # Where all are test runs, these decide.
+        return ""
     if fitted_on is not None and fitted_on.level == "bench":
         others += fitted_on.runs
-    usual = max(_errors_rpm(model, others), default=math.inf)
+    usual = max(_errors_rpm(model, others))
     errors = zip(dataset.split("test"), _errors_rpm(model, dataset.split("test")), strict=True)
     odd = [(run.file, error) for run, error in errors if error > _ODD * usual]
     if not odd:

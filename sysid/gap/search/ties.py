@@ -77,14 +77,38 @@ def with_causes(
 
     Such an effect, a curve of several numbers, stands for what no cause does. If all are such, sets of
     more effects with fewer parameters among those `judged` count, too. None is returned if no set of causes
-    does as well. Where a description does better than all of these, by more than chance, it comes last: it
-    may be what there is. `floor`, `inflation` and `lacking` are as in `tied`.
+    does as well. What ties with the best one of them counts as well, though a description may do better by a
+    little more than a formula may err. Where a description does better than all of these, by more than
+    chance, it comes last: it may be what there is. `floor`, `inflation` and `lacking` are as in `tied`.
     """
-    named = tuple(one for one in as_good if not is_description(one)) or _simpler_causes(
-        search, floor, as_good, judged, inflation, lacking
-    )
+    named = tuple(one for one in as_good if not is_description(one))
+    if named and is_description(as_good[0]):
+        named = _tied_with_best(search, floor, named, judged, inflation, lacking)
+    named = named or _simpler_causes(search, floor, as_good, judged, inflation, lacking)
     least = min((one.score for one in named), default=-math.inf) - THRESHOLDS.tie_sigmas**2
     return (*named, *(one for one in as_good if is_description(one) and one.score < least))
+
+
+def _tied_with_best(
+    search: Search,
+    floor: Floor,
+    named: Sequence[ScoredSet],
+    judged: Sequence[ScoredSet],
+    inflation: float,
+    lacking: float,
+) -> tuple[ScoredSet, ...]:
+    """Return the sets of causes that tie with the best of those `named`, the cheapest one first.
+
+    The price is the cost and what needless parameters take: a set of more parameters that fits no better
+    than a simpler one comes behind it.
+    """
+    best = min(named, key=lambda one: one.score)
+    found = tied(search, floor, best, _causes_beside(search, best, judged), inflation, lacking)
+
+    def price(one: ScoredSet) -> float:
+        return float(one.fitted.cost / inflation + _NEEDLESS * one.fitted.candidate.parameter_count)
+
+    return tuple(sorted(found, key=price))
 
 
 def _simpler_causes(
@@ -112,14 +136,18 @@ def _simpler_causes(
     if not simpler:
         return ()
     chosen = min(simpler, key=lambda one: (len(one.names), one.score))
-    rivals = [
+    return tied(search, floor, chosen, _causes_beside(search, chosen, judged), inflation, lacking)
+
+
+def _causes_beside(search: Search, best: ScoredSet, judged: Sequence[ScoredSet]) -> list[ScoredSet]:
+    """Return the sets of causes among those `judged` that are as large as the best one and do no harm."""
+    return [
         one
         for one in judged
-        if len(one.names) == len(chosen.names)
+        if len(one.names) == len(best.names)
         and not is_description(one)
-        and not rises(problem, search.base, one.fitted)
+        and not rises(search.problem, search.base, one.fitted)
     ]
-    return tied(search, floor, chosen, rivals, inflation, lacking)
 
 
 def with_fewer(

@@ -221,8 +221,8 @@ def _merged(found: _Found, options: GapOptions, report: GapReport, rest: GapRepo
     if options.fitted_on is not None and since != "new" and rest.verdict == "no_gap":
         return _without_name(found, report, rest)
     effect = FoundEffect(name, parameters, fault.frequency, since=since)
-    causes = [cause_of(name) for name in (name, *([_NAMES[fault.rival]] if fault.rival else []))]
-    cause, sets = causes[0], rest.candidates or ((),)
+    cause, sets = cause_of(name), rest.candidates or ((),)
+    causes = (cause, cause_of(_NAMES[fault.rival])) if fault.rival else (cause,)
     candidates = [(one, *(c for c in names if c != one)) for one in causes for names in sets]
     return replace(
         rest,

@@ -7,6 +7,7 @@ fit hold other commands, the model may err in these alone, so that the runs are 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Final
 
@@ -69,7 +70,7 @@ def odd_test_runs(dataset: Dataset, model: Model, fitted_on: Dataset | None) -> 
         return ""
     if fitted_on is not None and fitted_on.level == "bench":
         others += fitted_on.runs
-    usual = max(_errors_rpm(model, others))
+    usual = max(filter(math.isfinite, _errors_rpm(model, others)), default=math.inf)
     errors = zip(dataset.split("test"), _errors_rpm(model, dataset.split("test")), strict=True)
     odd = [(run.file, error) for run, error in errors if error > _ODD * usual]
     if not odd:
@@ -82,7 +83,7 @@ def odd_test_runs(dataset: Dataset, model: Model, fitted_on: Dataset | None) -> 
 
 
 def _errors_rpm(model: Model, runs: Sequence[Run]) -> list[float]:
-    """Return the rms error of the wheel speed in each run [rpm]."""
+    """Return the rms error of the wheel speed in each run [rpm]; NaN if none was measured."""
     predicted = predict_all(model, runs)
     pairs = zip(runs, predicted, strict=True)
     return [rms(run.channels["speed_rpm"] - one["speed_rpm"]) for run, one in pairs]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from mecanum_env.model import Model
 from sysid.gap.only_in_test import odd_test_runs
 from sysid.gap.result import GapOptions
@@ -41,3 +43,11 @@ def test_test_runs_like_the_others_are_not_pointed_out(bench_logs: MakeLogs, bas
     logs, fitted_on = bench_logs(base, seed=2), bench_logs(base, seed=1)
     assert odd_test_runs(logs, base, fitted_on) == ""
     assert odd_test_runs(logs, base, None) == ""
+
+
+def test_a_run_without_one_measured_speed_says_nothing_of_others(bench_logs: MakeLogs, base: Model) -> None:
+    logs = slowed(bench_logs(base, seed=2), 1)
+    first = logs.split("fit")[0]
+    nothing = replace(first, channels={"speed_rpm": np.full_like(first.time_s, np.nan)})
+    logs = replace(logs, runs=tuple(nothing if run is first else run for run in logs.runs))
+    assert "the model misses" in odd_test_runs(logs, base, None)

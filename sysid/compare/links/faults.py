@@ -83,8 +83,7 @@ class LinkFault:
     def delays(self, found: LinkDelays) -> LinkDelays:
         """Return the delays that were `found` as the fault makes them most likely, around its delay.
 
-        A jitter gives each change the mean of its posterior; a loss so
-        many periods as are most likely.
+        A jitter gives each change the mean of its posterior; a loss so many periods as are most likely.
         """
         table, mean_s = DelayTable.of(found, found.likelihood, self.period_s), self.delay_s[0]
         if self.kind == "jitter":
@@ -144,13 +143,10 @@ def link_fault(
     rival: Kind | None = "jitter" if kind == "loss" else "loss"
     if min(loss, jitter) < EVIDENCE or abs(loss - jitter) >= EVIDENCE:
         rival = None
-    if kind == "jitter":
-        period_beside, spread_s = _likeliest_clusters(tables, known)
-        clustered = [replace(table, period_s=period_beside) for table in tables]
-        if min(_of_clusters(table, known, spread_s) for table in clustered) >= EVIDENCE:
-            kind, rival, period, tables = "loss", None, period_beside, clustered
-            known = replace(known, spread_s=max(known.spread_s, spread_s))
-    table = tables[0]
+    if kind == "jitter" and (beside := _loss_beside_spread(tables, known)) is not None:
+        kind, rival, (period, spread_s) = "loss", None, beside
+        known = replace(known, spread_s=max(known.spread_s, spread_s))
+    table = replace(tables[0], period_s=period)
     if kind == "loss" and _only_small_starts(table, found.changes, known):
         return None
     if kind == "loss":
@@ -218,10 +214,11 @@ def _of_loss(table: DelayTable, known: LinkState) -> float:
     return 2.0 * (larger - _as_known(table, known)) - 2.0 * math.log(len(table.offset))
 
 
-def _likeliest_clusters(tables: Sequence[DelayTable], known: LinkState) -> tuple[float, float]:
-    """Return the period of repetitions and the spread around them [s] that explain most, if they stand apart.
+def _loss_beside_spread(tables: Sequence[DelayTable], known: LinkState) -> tuple[float, float] | None:
+    """Return the period of repetitions that stand apart and the spread around them [s], which explain most.
 
-    The spread is no less than that of the logs themselves.
+    None if these do not explain far more than whatever spread without a loss does. The spread is larger than
+    that of the logs themselves.
     """
     shares = _SHARES[4::7]
 
@@ -229,19 +226,27 @@ def _likeliest_clusters(tables: Sequence[DelayTable], known: LinkState) -> tuple
         moved = [replace(table, period_s=place[0]) for table in tables]
         return min(_most(one, [place[1]], shares) for one in moved)
 
-    def spreads(period_s: float) -> list[float]:
-        return [s for s in _SPREADS_S[::2] if known.least_spread_s < s <= _APART * period_s]
-
-    coarse = [(period, spread) for period in _PERIODS_S for spread in spreads(period)]
-    period_s, spread_s = max(coarse, key=worth, default=(_PERIODS_S[-1], known.spread_s))
-    return max(((multiple * period_s, spread_s) for multiple in _FINER), key=worth)
+    coarse = [
+        (period_s, spread_s)
+        for period_s in _PERIODS_S
+        for spread_s in _SPREADS_S[::2]
+        if known.least_spread_s < spread_s <= _APART * period_s
+    ]
+    if not coarse:
+        return None
+    period_s, spread_s = max(coarse, key=worth)
+    period_s = max((multiple * period_s for multiple in _FINER), key=lambda one: worth((one, spread_s)))
+    clusters = [replace(table, period_s=period_s) for table in tables]
+    proof = min(_of_clusters(table, known, spread_s) for table in clusters)
+    return (period_s, spread_s) if proof >= EVIDENCE else None
 
 
 def _of_clusters(table: DelayTable, known: LinkState, spread_s: float) -> float:
     """Return the evidence for a loss beside a spread, against whatever spread without more than known."""
-    lost = _most(table, [spread_s], _shares(known)[1::3])
+    known_share, *shares = _shares(known)
+    lost = _most(table, [spread_s], [known_share, *shares[::3]])
     # Period and share are two more numbers.
-    return 2.0 * (lost - _most(table, _larger(known.spread_s), [known.share]) - math.log(len(table.offset)))
+    return 2.0 * (lost - _most(table, _larger(known.spread_s), [known_share]) - math.log(len(table.offset)))
 
 
 def _surplus(table: DelayTable, known: LinkState, spread_s: float) -> float:

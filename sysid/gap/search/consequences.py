@@ -4,7 +4,7 @@ A motor at full voltage or at its largest current has so much torque and no more
 its share of it: the drive then gives way at a lower speed, or accelerates less, although nobody lowered a
 limit. The formulas of friction and inertia know nothing of the drive's limits, so that a study finds such a
 limit beside them. It is reported, and so is the load alone. Where two limits explain nearly all, the load may
-be missing beside them: it is looked for if both are lower than they were, as no more than a load lowers both.
+be missing beside them: it is looked for if both are lower than they were, since one load lowers both.
 """
 
 from __future__ import annotations

@@ -83,6 +83,15 @@ def test_lost_commands_are_told_from_a_jitter_under_a_model_that_errs(seed: int)
     assert fault.spread_s == pytest.approx(0.012, rel=0.5)
 
 
+def test_a_jitter_of_a_link_that_loses_half_of_its_commands_anyway_is_found() -> None:
+    """No larger share is tried."""
+    true = 0.1 + 0.04 * np.random.default_rng(0).standard_normal(60)
+    lossy = replace(KNOWN, share=0.5)
+    fault = link_fault(measured(0, true), lossy, 0.9, np.random.default_rng(0))
+    assert fault is not None
+    assert fault.kind == "jitter"
+
+
 def test_commands_that_are_sent_as_often_as_they_are_logged_may_be_late_or_lost() -> None:
     rng = np.random.default_rng(0)
     fault = link_fault(measured(0, 0.01 * (rng.geometric(0.6, 60) - 1)), KNOWN, 0.9, np.random.default_rng(0))

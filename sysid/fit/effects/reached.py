@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from mecanum_env.model import Model
+from mecanum_env.model import Model, cause_of
 from mecanum_env.statistics import VERY_STRONG, rms
 from mecanum_env.units import FloatArray
 from sysid.compare.least_squares import Fitted
@@ -26,6 +26,7 @@ EVIDENCE: Final = VERY_STRONG
 WORTH: Final = 0.02
 """Least relative decrease of the error on the validation runs for which an effect is added. Assumed; the same
 as for a delay or a ceiling (`sysid.fit.drive.choice`)."""
+_LINK_DELAY: Final = "command_latency"
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,9 +52,13 @@ class Reached:
         return max(1.0, self.fitted.cost / self.fitted.residual.size)
 
     def price(self, inflation: float) -> float:
-        """Return the BIC for residuals of a variance of `inflation`, and what each effect must add."""
+        """Return the BIC for residuals of a variance of `inflation`, and what each effect must add.
+
+        A delay of the link pays for its parameters only: every fit has estimated one before, as a part of the
+        law. Without it a backlash or a slower law imitates it, and errs at speeds that the logs do not have.
+        """
         samples = self.fitted.residual.size
-        effects = len(self.fitted.candidate.effects.names)
+        effects = sum(cause_of(name) != _LINK_DELAY for name in self.fitted.candidate.effects.names)
         return self.fitted.cost / inflation + self.parameter_count * math.log(samples) + EVIDENCE * effects
 
     def better_than(self, other: Reached) -> bool:

@@ -35,10 +35,12 @@ from mecanum_env.units import FloatArray
 from sysid.compare.measured import observe, select_runs
 from sysid.compare.model_error import Whitener
 from sysid.compare.noise import measure_noise
+from sysid.fit.effects.beam import searched
 from sysid.fit.effects.candidates import drive_candidates, first_order_laws
+from sysid.fit.effects.ceiling import SpeedsReached
 from sysid.fit.effects.pi_drive import KINDS
 from sysid.fit.effects.reached import HeldOut, Reached, confirmed
-from sysid.fit.effects.search import EffectSearch, searched
+from sysid.fit.effects.search import EffectSearch
 from sysid.logs import Dataset
 from sysid.progress import Progress, silent, within
 
@@ -112,7 +114,12 @@ def find_drive_effects(
     is_enough = float(np.max(np.abs(alone.wheel.law.poles))) < largest_pole
     laws = (alone, *others) if is_enough else tuple(first_order_laws(alone, largest_pole))
     known = drive_candidates(dataset.columns)
-    searches = [EffectSearch(law, whitener, held_out, largest_pole, known) for law in laws]
+    speeds = SpeedsReached.of(observe(replace(dataset, runs=dataset.split("fit"))))
+
+    def search_from(law: Model) -> EffectSearch:
+        return EffectSearch(law, whitener, held_out, largest_pole, known, speeds=speeds)
+
+    searches = [search_from(law) for law in laws]
     began = [start for search in searches if (start := search.begin()) is not None]
     if not began or (is_enough and began[0].base is not searches[0].base):
         return None
@@ -126,7 +133,7 @@ def find_drive_effects(
         anywhere = [searches[0].simple_drive(alone)]
         tell("a drive under PI control, from anywhere")
         anywhere += [searches[0].pi_drive(alone, kind) for kind in KINDS]
-        searches += [EffectSearch(model, whitener, held_out, largest_pole, known) for model in anywhere]
+        searches += [search_from(model) for model in anywhere]
         began += [start for search in searches[-len(anywhere) :] if (start := search.begin()) is not None]
     reached = searched(searches, began, tell)
     worthy = in_place_of(first, reached, held_out.whitener.size, is_enough=is_enough)

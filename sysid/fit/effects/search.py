@@ -1,4 +1,4 @@
-"""Growing a set of effects beside a law, both fitted again together at each step, and pruning it.
+"""A set of effects beside a law: what it may grow to, both fitted again together, and what it does without.
 
 What is fitted are the logs of a model's own fit: of a wheel on the bench, or of a robot, with its parameters.
 """
@@ -37,21 +37,13 @@ from sysid.compare.search_space import (
     effect_set,
 )
 from sysid.fit.effects.candidates import TRIED, starts
-from sysid.fit.effects.ceiling import has_unasked_ceiling
+from sysid.fit.effects.ceiling import SpeedsReached
 from sysid.fit.effects.pi_drive import Kind, pi_drive
 from sysid.fit.effects.reached import HeldOut, Reached
 from sysid.fit.effects.simple_drive import SIMPLE_DRIVE, simple_drive
-from sysid.progress import Progress
 
-ROUNDS: Final = 6
-"""Largest number of effects that are added. Assumed."""
 _FITTED: Final = 3
 """Effects by which a set is tried to grow in each round: those that promise most."""
-BEAM: Final = 2
-"""Sets that grow in each round. More than one, as two effects may explain what neither does alone."""
-_PATIENCE: Final = 2
-"""Rounds after which the search ends that found no set better on the fit runs and on the validation runs: the
-second of a pair may be what helps."""
 _SHORTEST_WASHOUT_S: Final = 0.004
 _SHORTEST_RISE_S: Final = 0.005
 """Bounds of what logs can show [s]: about the shortest time between rows."""
@@ -61,40 +53,6 @@ _SHARES: Final = (0.3, 0.1)
 """Shares of the way from neutral to the most promising place at which a fit may start again. Assumed."""
 _FRICTIONS: Final = frozenset((COULOMB, "stiction"))
 """Causes that include Coulomb friction."""
-
-
-def searched(
-    searches: Sequence[EffectSearch],
-    began: Sequence[Reached],
-    tell: Progress,
-    rounds: int = ROUNDS,
-    width: int = BEAM,
-    pruned: int | None = None,
-) -> list[Reached]:
-    """Return the sets of effects that were the best ones while they grew from starts, the last one first.
-
-    Each start belongs to one of the searches, which differ in nothing else. There are at most so many
-    `rounds`, in each of which `width` sets grow; `pruned` is as in `EffectSearch.pruned`. `tell` is called
-    before each round.
-    """
-    beam, best, stale = list(began), began[0], 0
-    bests = [best]
-    for size in range(rounds):
-        tell(f"effect {size + 1}")
-        before, best = best, min([best, *beam], key=lambda one: one.price(best.inflation))
-        better = best is not before and best.held_out < before.held_out
-        stale = 0 if size == 0 or better else stale + 1
-        bests += [best] if best is not before else []
-        if stale == _PATIENCE:
-            break
-        grown = [more for one in beam for more in _search_of(one, searches).grown(one)]
-        beam = _best_ones(grown, best.inflation)[:width]
-        if not beam:
-            break
-    best = min([best, *beam], key=lambda one: one.price(best.inflation))
-    search = _search_of(best, searches)
-    smaller = search.pruned(best, pruned)
-    return list(dict.fromkeys([search.rubbing(smaller), smaller, best, *reversed(bests)]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,15 +79,16 @@ class EffectSearch:
         largest_pole: float,
         known: Mapping[str, Effect],
         robot: tuple[str, ...] = (),
+        speeds: SpeedsReached | None = None,
     ) -> None:
+        """Search beside a `law`; `speeds` are those of all fit runs, by default of those that decide."""
         self.known, self.robot = known, robot
         self.base = replace(law, uncertainty={})
         self.problem = ResidualProblem(self.base, whitener, held_out.settings)
         self.held_out, self.largest_pole = held_out, largest_pole
+        self.speeds = speeds or SpeedsReached.of(whitener.observations)
         values = [float(np.max(np.abs(block.value))) for block in whitener.observations.blocks]
         self._top_rpm = max(values, default=0.0)
-        runs = [situation.runs[0] for situation in whitener.observations.situations]
-        self._asked_rpm = max((float(np.nanmax(np.abs(run.command.wheels_rpm))) for run in runs), default=0.0)
 
     def begin(self) -> Reached | None:
         """Return the law fitted again by these residuals, with the effects that it came with."""
@@ -220,7 +179,8 @@ class EffectSearch:
         if start is self.base:
             return self
         whitener = self.problem.whitener
-        return EffectSearch(start, whitener, self.held_out, self.largest_pole, self.known, self.robot)
+        more = (self.held_out, self.largest_pole, self.known, self.robot, self.speeds)
+        return EffectSearch(start, whitener, *more)
 
     def _use(self, reached: Reached, name: str) -> float:
         """Return by how much least squares expects the cost to rise without an effect."""
@@ -267,7 +227,7 @@ class EffectSearch:
             reached = descend_steeply(function, looked.place, step=SMOOTH_STEP, near=near) or reached
         found = Fitted(candidate, reached.place, reached.residual, reached.jacobian)
         model = candidate.model(self.base, found.place)
-        if has_unasked_ceiling(model, self._asked_rpm):
+        if self.speeds.show_no_ceiling(model):
             return None
         try:
             held_out = self.held_out.errors(model)
@@ -374,20 +334,6 @@ class _Exchange:
     candidate: LawWithEffects
     place: FloatArray
     """Where the other parameters are as they were, (p,)."""
-
-
-def _search_of(reached: Reached, searches: Sequence[EffectSearch]) -> EffectSearch:
-    """Return the search that a set belongs to; one that changed a form began without it."""
-    own = (search for search in searches if search.base is reached.base)
-    return next(own, None) or searches[0].beside(reached)
-
-
-def _best_ones(grown: Sequence[Reached], inflation: float) -> list[Reached]:
-    """Return the best of some sets, each set of effects once."""
-    found: dict[tuple[str, ...], Reached] = {}
-    for one in sorted(grown, key=lambda one: one.price(inflation)):
-        found.setdefault(tuple(sorted(one.fitted.candidate.effects.names)), one)
-    return list(found.values())
 
 
 def _without(reached: Reached, name: str) -> tuple[LawWithEffects, FloatArray]:

@@ -40,7 +40,7 @@ _SECONDS: Final = 30.0
 _ROUNDS: Final = 3
 _WIDTH: Final = 1
 _PRUNED: Final = 1
-"""Effort of the search, see `sysid.fit.effects.search.searched`. Assumed: a robot is simulated far
+"""Effort of the search, see `sysid.fit.effects.beam.searched`. Assumed: a robot is simulated far
 more slowly than a wheel on the bench."""
 _KNOWN: Final = (
     "command_latency",

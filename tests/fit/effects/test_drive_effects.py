@@ -8,8 +8,10 @@ import pytest
 from mecanum_env.effects.friction import droop_rpm
 from mecanum_env.simulator import replay_bench
 from mecanum_env.units import RAD_S_PER_RPM
+from sysid.compare.measured import observe
 from sysid.fit import FitOptions, fit_dataset, fitted_model
 from sysid.fit.effects import find_drive_effects, has_unasked_ceiling
+from sysid.fit.effects.ceiling import SpeedsReached
 from sysid.fit.report import fit_json
 from sysid.logs import BenchCommand, Dataset, Run
 
@@ -152,10 +154,32 @@ def test_a_ceiling_that_no_command_goes_beyond_is_none(paper_module, form, limit
     assert not has_unasked_ceiling(paper_module, 90.0)
 
 
-@pytest.mark.parametrize(("softness_rpm", "unasked"), [(25.0, True), (15.0, False)])
-def test_a_soft_ceiling_of_which_the_logs_reach_the_knee_alone_is_none(paper_module, softness_rpm, unasked):
-    model = paper_module.with_effect("speed_saturation", limit_rpm=110.0, softness_rpm=softness_rpm)
+@pytest.mark.parametrize(
+    ("limit_rpm", "softness_rpm", "unasked"),
+    [(110.0, 25.0, True), (110.0, 15.0, False), (80.0, 15.0, True), (70.0, 15.0, False)],
+)
+def test_a_soft_ceiling_of_which_the_logs_reach_the_knee_alone_is_none(
+    paper_module, limit_rpm, softness_rpm, unasked
+):
+    """The knee ends as far beyond the limit as it begins below it."""
+    model = paper_module.with_effect("speed_saturation", limit_rpm=limit_rpm, softness_rpm=softness_rpm)
     assert has_unasked_ceiling(model, 90.0) is unasked
+
+
+@pytest.mark.parametrize(("rise", "is_none"), [(0.0, False), (0.4, True)])
+def test_a_ceiling_beyond_which_speeds_still_rise_with_the_command_is_none(paper_module, rise, is_none):
+    """They bend: a fit would end the curve at the fastest speed of its logs."""
+    time_s = 0.02 * np.arange(100)
+    runs = []
+    for number, level in enumerate((60.0, -85.0, 95.0, -105.0)):
+        speed = np.copysign(min(abs(level), 80.0 + rise * (abs(level) - 80.0)), level)
+        channels = {"speed_rpm": np.where(time_s > 0.2, speed, 0.0)}
+        command = BenchCommand(np.full(time_s.size, level))
+        runs.append(Run(f"{number}.csv", f"{number}", "fit", time_s, command, channels))
+    reached = SpeedsReached.of(observe(Dataset("made", tuple(runs), ())))
+    model = paper_module.with_effect("speed_saturation", limit_rpm=80.0)
+    assert reached.show_no_ceiling(model) is is_none
+    assert not reached.show_no_ceiling(paper_module)
 
 
 def test_a_ramp_behind_a_delay_is_found_although_the_law_alone_imitates_both(paper_module):

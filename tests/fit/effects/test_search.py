@@ -159,3 +159,31 @@ def test_a_search_ends_that_only_fits_the_fit_runs_better(step: float, rounds: i
     found: list[Any] = list(searched([search], [began], lambda _: None))
     assert grown == list(range(rounds))
     assert found[0].number == rounds
+
+
+def test_any_set_that_a_search_returns_has_friction_for_a_dead_zone() -> None:
+    """Validation runs may prefer a smaller set than the one with the best price."""
+    base = object()
+    rubbing = [FakeReached(base, 10 + number, -0.1) for number in range(3)]
+
+    def grow(one: Any) -> list[Any]:
+        return [FakeReached(base, one.number + 1, -0.1)] if one.number < 2 else []
+
+    search: Any = SimpleNamespace(
+        base=base, grown=grow, pruned=lambda one, _: one, rubbing=lambda one: rubbing[one.number]
+    )
+    began: Any = FakeReached(base, 0, -0.1)
+    found: list[Any] = list(searched([search], [began], lambda _: None))
+    assert [one.number for one in found] == [12, 2, 11, 1, 10, 0]
+
+
+def test_a_delay_pays_for_its_parameters_and_an_effect_for_more() -> None:
+    """Every link has a delay: without it a backlash imitates it at the speeds of the logs alone."""
+
+    def price(*names: str) -> float:
+        candidate = SimpleNamespace(effects=SimpleNamespace(names=names))
+        fitted = SimpleNamespace(candidate=candidate, cost=100.0, residual=np.zeros(100))
+        return Reached(paper_model(), cast(Any, fitted), 6, 1.0, 1.0).price(1.0)
+
+    assert price("command_latency/jitter") == price()
+    assert price("backlash") > price()

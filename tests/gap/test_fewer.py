@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from mecanum_env.effects.scale import REFERENCE
 from mecanum_env.model import Model
 from sysid.compare.least_squares import ResidualProblem, fit
 from sysid.compare.measured import observe
@@ -180,6 +182,29 @@ def test_friction_is_no_repetition_of_the_dead_zone_that_looks_like_it(search: A
     late, asymmetric = one("sensor_latency", 1, 102.0), one("direction_asymmetry", 2, 103.0)
     # All four predict the same; of those with two parameters friction alone may be the truth.
     assert tied(search, FLOOR, dead, [dead, rubbing, late, asymmetric], 1.0) == (dead, rubbing, late)
+
+
+@pytest.mark.parametrize(("share", "is_told"), [(1.0, False), (0.9, True)])
+def test_what_fades_no_sooner_than_the_logs_end_does_not_tie_with_what_stays(
+    search: Any, base: Model, share: float, is_told: bool
+) -> None:
+    """A warm-up has more parameters than friction, and looks like it where it is as slow as it may be."""
+    cold, longest_s = "warm_up/cold_friction", 4.0
+    warming = base.with_effect(cold, torque_n_m=0.1, time_constant_s=share * longest_s)
+
+    def one(name: str, count: int, cost: float) -> ScoredSet:
+        candidate = SimpleNamespace(parameter_count=count, model=lambda *_: warming)
+        residual = np.array([np.sqrt(cost), 0.0] if count == 1 else [0.0, np.sqrt(cost)])
+        fitted: Any = SimpleNamespace(
+            names=(name,), cost=cost, candidate=candidate, residual=residual, place=None
+        )
+        return ScoredSet(fitted, np.array([cost]))
+
+    search.shared = lambda *_: search.base
+    search.problem.base = base
+    search.problem.settings = SimpleNamespace(scale=replace(REFERENCE, run_s=longest_s))
+    friction, fading = one("coulomb_friction", 1, 100.0), one(cold, 3, 110.0)
+    assert tied(search, FLOOR, friction, [friction, fading], 1.0) == (friction, *[fading] * is_told)
 
 
 def test_harmful_and_doubtful_effects_are_not_listed(search: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,7 +7,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 import pytest
 
-from mecanum_env.model import Model, paper_model
+from mecanum_env.model import Model, cause_of, paper_model
 from mecanum_env.simulator import BodyCommands, drive, replay_bench
 from mecanum_env.units import FloatArray
 from sysid.fit import FitOptions, fit_dataset, fitted_model
@@ -182,7 +182,7 @@ def test_a_small_change_of_a_fitted_robot_is_found(
     report = analyse(logs, fitted, options)
     assert report.verdict in ("named", "ambiguous")
     assert (effect,) in report.candidates
-    found = next(one for one in report.effects if one.name == effect)
+    found = next(one for one in report.effects if cause_of(one.name) == effect)
     assert found.parameters[parameter].value == pytest.approx(value, abs=within)
 
 

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from mecanum_env.effects import CATALOGUE
+from mecanum_env.effects.drive import FADING
 from mecanum_env.effects.friction import COULOMB, DEAD_ZONE_LIKE_IT
 from mecanum_env.model import cause_of
 from mecanum_env.units import FloatArray
@@ -22,6 +23,9 @@ from sysid.gap.search.thresholds import THRESHOLDS
 _NEEDLESS: Final = 1.0
 """What a parameter that is not needed adds to a score, -2 log density of data that it was not fitted to, on
 average. (Akaike's criterion takes 2, since it starts from the data of the fit, in which it gains as much.)"""
+
+_AT_THE_END: Final = 0.01
+"""Share of a range within which a value counts as at its end. Assumed."""
 
 
 def tied(
@@ -40,6 +44,7 @@ def tied(
     lacks, and so much the right one's may lack, too.
     """
     near = [j for j in same_size if j is chosen or _as_good(search, floor, chosen, j, inflation, lacking)]
+    near = [j for j in near if j is chosen or not any(_stays_like(search, j, other) for other in near)]
     near.sort(key=lambda j: (j.fitted.candidate.parameter_count, j.score, j.names))
     kept: list[ScoredSet] = []
     for one in near:
@@ -299,6 +304,24 @@ def _tolerance(
     rest = search.shared(chosen.names, rival.names)
     explained = max(0.0, rest.cost - chosen.fitted.cost) / inflation
     return THRESHOLDS.tie_sigmas**2 + share**2 * explained
+
+
+def _stays_like(search: Search, one: ScoredSet, other: ScoredSet) -> bool:
+    """Return whether a set has an effect that hardly fades in a run, for what stays in another set.
+
+    The other set has fewer parameters and a score no worse, and shares the other effects. The time constant
+    of the effect is as long as its range lets it be (`FADING`): nothing in these logs tells that it fades.
+    """
+    further = one.fitted.candidate.parameter_count - other.fitted.candidate.parameter_count
+    own = set(one.names) - set(other.names)
+    if further <= 0 or one.score < other.score or len(own) != 1 or len(one.names) != len(other.names):
+        return False
+    (name,) = own
+    if name not in CATALOGUE or FADING not in CATALOGUE[name].parameters:
+        return False
+    values = one.fitted.candidate.model(search.problem.base, one.fitted.place).effects[name]
+    longest_s = FADING.scaled(search.problem.settings.scale).bounds[1]
+    return bool(values[FADING.name] >= (1.0 - _AT_THE_END) * longest_s)
 
 
 def _repeats(search: Search, one: ScoredSet, other: ScoredSet, inflation: float) -> bool:

@@ -131,6 +131,7 @@ def _searched(
         tell = within(progress, stage)
         search = start_search(data, model, settings, considered, tell, simulators)
         search.tell = tell
+        search.told_before = frozenset(one.names for one in decision.facts.tied)
         return search, decide(search, data.floor, options.max_effects, np.random.default_rng(settings.seed))
 
     error = _error_beside_best_fit(data, search, decision)

@@ -15,7 +15,7 @@ from sysid.gap.search.scores import ScoredSet
 from .conftest import a_set
 
 FLOOR = Floor(1e4, trusted=True)
-SEARCH: Any = SimpleNamespace(problem=None, base=None)
+SEARCH: Any = SimpleNamespace(problem=None, base=None, told_before=frozenset())
 
 
 @pytest.mark.parametrize(("score", "told"), [(-200.0, True), (-51.0, False)])

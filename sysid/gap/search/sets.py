@@ -69,6 +69,8 @@ class Search:
         self.base = base_fit(problem, EMPTY)
         self.tell: Progress = silent
         """Called before each fit with the set."""
+        self.told_before: frozenset[tuple[str, ...]] = frozenset()
+        """Sets that an earlier search of the same logs, with another weight of each sample, found as good."""
         self._fitted: dict[tuple[str, ...], Fitted[EffectSet]] = {(): self.base}
         self._behind: dict[tuple[str, ...], list[Response]] = {}
 

@@ -329,11 +329,12 @@ def _repeats(search: Search, one: ScoredSet, other: ScoredSet, inflation: float)
 
     Its score must be no better, and that of other causes worse by what needless parameters cost: where they
     cost less, nothing tells which of the two is the truth. Friction, which may answer late, is no repetition
-    of a dead zone that looks the same (`friction_first`).
+    of a dead zone that looks the same (`friction_first`). Nor is a set that an earlier search of these logs
+    told apart from the other: a truth with more parameters may be hidden by the weights of the later one.
     """
     if one.names == other.names:
         return True
-    if _is_friction_of(one, other):
+    if _is_friction_of(one, other) or one.names in search.told_before:
         return False
     further = one.fitted.candidate.parameter_count - other.fitted.candidate.parameter_count
     margin = 0.0 if one.causes == other.causes else _NEEDLESS * further

@@ -34,6 +34,11 @@ no place between them is. Assumed."""
 _FINER: Final = (0.125, 0.0625)
 """Distances from the best place at which it is looked for again."""
 _SAME_RPM: Final = 1e-2  # difference that no log shows: motions with less than it have come together
+_MEET_S: Final = 2.0
+"""Time after the first motion in which motions from all places mostly meet [s], and how long they must then
+move together to be taken for one. Where they do not, the whole run is simulated. Assumed."""
+_TOGETHER_S: Final = 0.25
+_MOVING_RPM: Final = 1.0  # speed at which a wheel that stood is pushed by its motor
 _NONE: Final = 1e-12  # squared error that is none [rpm^2]
 START_PRICE: Final = 2.0 * math.log(1 + len(_ENDS) + len(_BETWEEN))
 """Minus twice the logarithm of the prior probability of a place, of those that are tried first: so much less
@@ -115,8 +120,7 @@ def motions_from_gap(
         for one in search.tried([(i, place) for i, place in offered if abs(place) <= 1.0]):
             best[one.run] = min(best[one.run], one, key=_squares)
 
-    ends = search.tried([(i, place) for place in _ENDS for i in free])
-    for i, *both in zip(free, ends[: len(free)], ends[len(free) :], strict=True):
+    for i, *both in zip(free, *search.from_ends([middle[i] for i in free]), strict=True):
         best[i] = min(best[i], *both, key=_squares)
         if any(abs(seen[i].evidence(middle[i].squares, end.squares)) > _HARDLY for end in both):
             search.shorten(middle[i], both)
@@ -174,6 +178,30 @@ class _Search:
             found.append(_Tried(i, place, self.seen[i].squares(as_seen, until_s) + later, motion, as_seen))
         return found
 
+    def from_ends(self, middles: Sequence[_Tried]) -> tuple[list[_Tried], ...]:
+        """Return how well motions from either end of the gap fit, in the runs of motions from the `middles`.
+
+        They are simulated until they have met the motion from the middle, with which they then go on.
+        """
+        meet_s = {one.run: until_s for one in middles if (until_s := _meeting_s(one.motion)) is not None}
+        self.until_s.update(meet_s)
+        for one in middles:
+            if one.run in meet_s:
+                self.later[one.run] = one.squares - self.seen[one.run].squares(one.as_seen, meet_s[one.run])
+        found = [self.tried([(one.run, place) for one in middles]) for place in _ENDS]
+        for i in meet_s:
+            del self.until_s[i], self.later[i]
+        for ends, place in zip(found, _ENDS, strict=True):
+            apart = [
+                k
+                for k, (end, middle) in enumerate(zip(ends, middles, strict=True))
+                if middle.run in meet_s and not _have_met(middle.as_seen, end.as_seen)
+            ]
+            again = self.tried([(middles[k].run, place) for k in apart])
+            for k, whole in zip(apart, again, strict=True):
+                ends[k] = whole
+        return tuple(found)
+
     def shorten(self, middle: _Tried, ends: Sequence[_Tried]) -> None:
         """End later simulations of a run where the motions from the middle and both `ends` have met."""
         i = middle.run
@@ -181,9 +209,31 @@ class _Search:
         self.later[i] = middle.squares - self.seen[i].squares(middle.as_seen, self.until_s[i])
 
 
+def _meeting_s(motion: Motion) -> float | None:
+    """Return when motions from other places should have met this one [s]; None if only the whole run tells.
+
+    By then the motor must have pushed the wheel for a while: else both may be elsewhere in the gap.
+    """
+    speed = np.abs(motion.channels[_SPEED])
+    moving = np.flatnonzero(speed > _MOVING_RPM)
+    if not moving.size:
+        return None
+    until_s = float(motion.time_s[moving[0]]) + _MEET_S
+    first, end = np.searchsorted(motion.time_s, (until_s - _TOGETHER_S, until_s))
+    return until_s if end < speed.size and np.all(speed[first : end + 1] > _MOVING_RPM) else None
+
+
+def _have_met(whole: Motion, other: Motion) -> bool:
+    """Return whether another motion, which may end earlier, ends together with a `whole` one."""
+    end = other.time_s.size
+    last = other.time_s > other.time_s[-1] - _TOGETHER_S
+    return bool(np.all(np.abs(whole.channels[_SPEED][:end] - other.channels[_SPEED])[last] <= _SAME_RPM))
+
+
 def _together_s(one: Motion, other: Motion) -> float:
-    """Return the time after which two motions on the same clock stay together [s]."""
-    apart = np.flatnonzero(np.abs(one.channels[_SPEED] - other.channels[_SPEED]) > _SAME_RPM)
+    """Return the time after which two motions on the same clock stay together [s]; one may be shorter."""
+    end = min(one.time_s.size, other.time_s.size)
+    apart = np.flatnonzero(np.abs(one.channels[_SPEED][:end] - other.channels[_SPEED][:end]) > _SAME_RPM)
     return float(one.time_s[min(apart[-1] + 1, one.time_s.size - 1)]) if apart.size else 0.0
 
 

@@ -2,13 +2,16 @@
 
 import numpy as np
 import pytest
-from hypothesis import example, given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from mecanum_env.effects.apply import sensors_of
 from mecanum_env.model import paper_model
 from mecanum_env.simulator import replay_bench
+from mecanum_env.simulator.free_wheel import BenchRun, FreeWheel
 from sysid.compare.measured import observe
-from sysid.compare.predicted import MIDDLE, Simulator, predict
+from sysid.compare.predicted import MIDDLE, Simulator, gap_start, predict
+from sysid.compare.predicted.gap_start import SeenSpeed, motions_from_gap
 from sysid.logs import BenchCommand, Dataset, Run
 
 LOOSE = paper_model().with_effect("backlash", "rest", gap_deg=20.0, slowing_rpm_s=300.0)
@@ -69,6 +72,37 @@ def test_from_the_middle_of_the_gap_a_prediction_does_not_depend_on_what_was_mea
     ]
     np.testing.assert_array_equal(*both)
     np.testing.assert_allclose(both[0], replay_bench(LOOSE, TIME, COMMAND), atol=1e-9)
+
+
+@given(
+    gap_deg=st.floats(2.0, 60.0),
+    form=st.sampled_from(["coast", "rest"]),
+    levels=st.lists(st.sampled_from([-90.0, -20.0, 0.0, 5.0, 60.0]), min_size=3, max_size=3),
+    gap_share=st.floats(-1.0, 1.0),
+    sticks=st.booleans(),
+)
+@settings(max_examples=30)
+def test_ends_that_are_simulated_until_they_meet_are_found_as_in_whole_runs(
+    gap_deg: float, form: str, levels: list[float], gap_share: float, sticks: bool
+) -> None:
+    more = {"slowing_rpm_s": 200.0} if form == "rest" else {}
+    model = paper_model().with_effect("backlash", form, gap_deg=gap_deg, **more)
+    if sticks:
+        model = model.with_effect("stiction", breakaway_n_m=1.5, stribeck_rpm=10.0)
+    time_s = np.arange(0.0, 9.0, 0.02)
+    command = np.repeat([0.0, *levels], [50, 150, 150, 100])
+    speed = replay_bench(model, time_s, command, gap_share=gap_share)
+    run = Run("a.csv", "a", "fit", time_s, BenchCommand(command), {"speed_rpm": speed})
+    wheel, sensors = FreeWheel.of(model), sensors_of(model)
+    asked, seen = [BenchRun(time_s, command, 9.0)], [SeenSpeed.of([run])]
+    found = motions_from_gap(wheel, asked, seen, sensors)
+    with pytest.MonkeyPatch.context() as whole:
+        whole.setattr(gap_start, "_meeting_s", lambda _: None)
+        expected = motions_from_gap(wheel, asked, seen, sensors)
+    assert found.places == expected.places
+    np.testing.assert_array_equal(
+        found.motions[0].channels["speed_rpm"], expected.motions[0].channels["speed_rpm"]
+    )
 
 
 def test_a_run_without_samples_starts_in_the_middle() -> None:

@@ -236,6 +236,12 @@ class ResidualProblem:
         """Return the whitened residual (N,) of a model in a simulator; of a wheel from some `starts`."""
         if not isinstance(simulator, Simulator):
             return self._beside(simulator.predictions, model)
+        if starts is None and any(CATALOGUE[name].follows_angle for name in model.effects):
+            # A run starts at one place, whichever phase is tried: the phases differ by their waves alone.
+            try:
+                starts = simulator.starts(model)
+            except _UNUSABLE:
+                return None
         residual = self._beside(partial(simulator.predictions, starts=starts), model)
         if residual is None:
             return None

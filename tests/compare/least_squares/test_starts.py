@@ -109,3 +109,15 @@ def test_near_a_model_the_starts_of_its_runs_are_held_and_not_looked_for_again(
 def test_without_a_gap_there_is_nothing_to_hold(problem: ResidualProblem) -> None:
     assert problem.residual_near(paper_model()) is None
     assert problem.simulators.full.starts(paper_model()) is None
+
+
+def test_the_place_in_a_gap_is_looked_for_once_whatever_phases_are_tried(
+    problem: ResidualProblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looked = []
+    search = simulator.motions_from_gap
+    monkeypatch.setattr(simulator, "motions_from_gap", lambda *args: looked.append(1) or search(*args))
+    model = paper_model().with_effect("backlash", gap_deg=7.0)
+    model = model.with_effect("torque_ripple", per_turn=5.0, torque_n_m=0.8)
+    assert problem.residual(model) is not None
+    assert len(looked) == 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,11 +17,14 @@ from sysid.compare.measured import observe
 from sysid.compare.model_error import Whitener, learn
 from sysid.compare.noise import measure_noise
 from sysid.compare.predicted import SimulationSettings, Simulators
+from sysid.gap import inquiry
 from sysid.gap.alone import law_of, require_fittable
 from sysid.gap.inquiry import inquire
 from sysid.gap.report.output import gap_json
 from sysid.gap.result import GapOptions
+from sysid.gap.search.decision import Decision
 from sysid.gap.search.known_effects import known_effects
+from sysid.gap.search.sets import Search
 from sysid.gap.search.study_data import study_data
 from sysid.gap.workflow import analyse
 from sysid.logs import BodyCommand, Dataset, Run
@@ -77,6 +81,27 @@ def test_what_is_new_is_named_beside_what_was_there(bench_logs: MakeLogs, rubbin
     report = analyse(after, rubbing, replace(QUIET, fitted_on=before))
     assert ("command_latency",) in report.candidates
     assert {found["since"] for found in gap_json(report)["effects"]} == {"new"}
+
+
+def test_a_search_that_is_repeated_knows_what_the_one_before_found_as_good(
+    bench_logs: MakeLogs, base: Model, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    known: list[tuple[set[tuple[str, ...]], set[tuple[str, ...]]]] = []
+    decide = inquiry.decide
+
+    def recorded(search: Search, *more: Any) -> Decision:
+        decision = decide(search, *more)
+        known.append((set(search.told_before), {one.names for one in decision.facts.tied}))
+        return decision
+
+    monkeypatch.setattr(inquiry, "decide", recorded)
+    monkeypatch.setattr(inquiry, "_error_beside_best_fit", lambda data, *_: data.error.scaled(0.5))
+    before = bench_logs(base, seed=1)
+    after = bench_logs(base.with_effect("speed_gain", gain=0.9), seed=2)
+    analyse(after, base, replace(QUIET, fitted_on=before))
+    (first, found), (second, _) = known
+    assert first == set()
+    assert second == found != set()
 
 
 def test_what_was_there_already_does_not_hide_what_is_new(bench_logs: MakeLogs, base: Model) -> None:

@@ -35,9 +35,10 @@ _FINER: Final = (0.125, 0.0625)
 """Distances from the best place at which it is looked for again."""
 _SAME_RPM: Final = 1e-2  # difference that no log shows: motions with less than it have come together
 _MEET_S: Final = 2.0
-"""Time after the first motion in which motions from all places mostly meet [s], and how long they must then
-move together to be taken for one. Where they do not, the whole run is simulated. Assumed."""
+"""Time after the first motion in which motions from all places mostly meet [s]; where they do not, the whole
+run is simulated. Assumed."""
 _TOGETHER_S: Final = 0.25
+"""Time for which motions must be together to have met [s]. Assumed."""
 _MOVING_RPM: Final = 1.0  # speed at which a wheel that stood is pushed by its motor
 _NONE: Final = 1e-12  # squared error that is none [rpm^2]
 START_PRICE: Final = 2.0 * math.log(1 + len(_ENDS) + len(_BETWEEN))

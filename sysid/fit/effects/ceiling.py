@@ -20,20 +20,17 @@ _HELD_S: Final = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class SpeedsReached:
-    """How fast logs tell wheels to turn, and how fast one on the bench turned while a command was held."""
+class HeldSpeeds:
+    """How fast a wheel on the bench turned while a command was held."""
 
-    asked_rpm: float
-    """Largest command, without its sign."""
     command_rpm: FloatArray
     """Commands that were held, without their signs, shape (n,); none of a robot."""
     speed_rpm: FloatArray
     """Mean speed over the second half of the time, without its sign, shape (n,)."""
 
     @classmethod
-    def of(cls, observations: Observations) -> SpeedsReached:
+    def of(cls, observations: Observations) -> HeldSpeeds:
         """Return those of some logs."""
-        asked = [np.nanmax(np.abs(one.runs[0].command.wheels_rpm)) for one in observations.situations]
         commands: list[float] = []
         speeds: list[float] = []
         for block in observations.blocks:
@@ -49,13 +46,9 @@ class SpeedsReached:
                 if 2.0 * half_s >= _HELD_S and rows.any():
                     commands.append(abs(float(command[first])))
                     speeds.append(abs(float(np.mean(block.value[rows]))))
-        return cls(float(max(asked, default=0.0)), np.array(commands), np.array(speeds))
+        return cls(np.array(commands), np.array(speeds))
 
-    def show_no_ceiling(self, model: Model) -> bool:
-        """Return whether a model has a ceiling that these logs do not show."""
-        return has_unasked_ceiling(model, self.asked_rpm) or self._rise_beyond_ceiling(model)
-
-    def _rise_beyond_ceiling(self, model: Model) -> bool:
+    def rise_beyond_ceiling(self, model: Model) -> bool:
         """Return whether speeds still rise with commands beyond a ceiling of a model.
 
         Then it is a bend of the curve, soft or not, and how fast the motor may turn is not in the logs.

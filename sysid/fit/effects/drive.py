@@ -37,7 +37,7 @@ from sysid.compare.model_error import Whitener
 from sysid.compare.noise import measure_noise
 from sysid.fit.effects.beam import searched
 from sysid.fit.effects.candidates import drive_candidates, first_order_laws
-from sysid.fit.effects.ceiling import SpeedsReached
+from sysid.fit.effects.ceiling import HeldSpeeds
 from sysid.fit.effects.pi_drive import KINDS
 from sysid.fit.effects.reached import HeldOut, Reached, confirmed
 from sysid.fit.effects.search import EffectSearch
@@ -114,10 +114,10 @@ def find_drive_effects(
     is_enough = float(np.max(np.abs(alone.wheel.law.poles))) < largest_pole
     laws = (alone, *others) if is_enough else tuple(first_order_laws(alone, largest_pole))
     known = drive_candidates(dataset.columns)
-    speeds = SpeedsReached.of(observe(replace(dataset, runs=dataset.split("fit"))))
+    held = HeldSpeeds.of(observe(replace(dataset, runs=dataset.split("fit"))))
 
     def search_from(law: Model) -> EffectSearch:
-        return EffectSearch(law, whitener, held_out, largest_pole, known, speeds=speeds)
+        return EffectSearch(law, whitener, held_out, largest_pole, known, held=held)
 
     searches = [search_from(law) for law in laws]
     began = [start for search in searches if (start := search.begin()) is not None]

@@ -37,7 +37,7 @@ from sysid.compare.search_space import (
     effect_set,
 )
 from sysid.fit.effects.candidates import TRIED, starts
-from sysid.fit.effects.ceiling import SpeedsReached
+from sysid.fit.effects.ceiling import HeldSpeeds, has_unasked_ceiling
 from sysid.fit.effects.pi_drive import Kind, pi_drive
 from sysid.fit.effects.reached import HeldOut, Reached
 from sysid.fit.effects.simple_drive import SIMPLE_DRIVE, simple_drive
@@ -79,16 +79,18 @@ class EffectSearch:
         largest_pole: float,
         known: Mapping[str, Effect],
         robot: tuple[str, ...] = (),
-        speeds: SpeedsReached | None = None,
+        held: HeldSpeeds | None = None,
     ) -> None:
-        """Search beside a `law`; `speeds` are those of all fit runs, by default of those that decide."""
+        """Search beside a `law`; `held` are the speeds of all fit runs, by default of those that decide."""
         self.known, self.robot = known, robot
         self.base = replace(law, uncertainty={})
         self.problem = ResidualProblem(self.base, whitener, held_out.settings)
         self.held_out, self.largest_pole = held_out, largest_pole
-        self.speeds = speeds or SpeedsReached.of(whitener.observations)
+        self.held = held or HeldSpeeds.of(whitener.observations)
         values = [float(np.max(np.abs(block.value))) for block in whitener.observations.blocks]
         self._top_rpm = max(values, default=0.0)
+        runs = [situation.runs[0] for situation in whitener.observations.situations]
+        self._asked_rpm = max((float(np.nanmax(np.abs(run.command.wheels_rpm))) for run in runs), default=0.0)
 
     def begin(self) -> Reached | None:
         """Return the law fitted again by these residuals, with the effects that it came with."""
@@ -179,7 +181,7 @@ class EffectSearch:
         if start is self.base:
             return self
         whitener = self.problem.whitener
-        more = (self.held_out, self.largest_pole, self.known, self.robot, self.speeds)
+        more = (self.held_out, self.largest_pole, self.known, self.robot, self.held)
         return EffectSearch(start, whitener, *more)
 
     def _use(self, reached: Reached, name: str) -> float:
@@ -227,7 +229,7 @@ class EffectSearch:
             reached = descend_steeply(function, looked.place, step=SMOOTH_STEP, near=near) or reached
         found = Fitted(candidate, reached.place, reached.residual, reached.jacobian)
         model = candidate.model(self.base, found.place)
-        if self.speeds.show_no_ceiling(model):
+        if has_unasked_ceiling(model, self._asked_rpm) or self.held.rise_beyond_ceiling(model):
             return None
         try:
             held_out = self.held_out.errors(model)

@@ -11,7 +11,7 @@ from mecanum_env.units import RAD_S_PER_RPM
 from sysid.compare.measured import observe
 from sysid.fit import FitOptions, fit_dataset, fitted_model
 from sysid.fit.effects import find_drive_effects, has_unasked_ceiling
-from sysid.fit.effects.ceiling import SpeedsReached
+from sysid.fit.effects.ceiling import HeldSpeeds
 from sysid.fit.report import fit_json
 from sysid.logs import BenchCommand, Dataset, Run
 
@@ -176,10 +176,10 @@ def test_a_ceiling_beyond_which_speeds_still_rise_with_the_command_is_none(paper
         channels = {"speed_rpm": np.where(time_s > 0.2, speed, 0.0)}
         command = BenchCommand(np.full(time_s.size, level))
         runs.append(Run(f"{number}.csv", f"{number}", "fit", time_s, command, channels))
-    reached = SpeedsReached.of(observe(Dataset("made", tuple(runs), ())))
+    held = HeldSpeeds.of(observe(Dataset("made", tuple(runs), ())))
     model = paper_module.with_effect("speed_saturation", limit_rpm=80.0)
-    assert reached.show_no_ceiling(model) is is_none
-    assert not reached.show_no_ceiling(paper_module)
+    assert held.rise_beyond_ceiling(model) is is_none
+    assert not held.rise_beyond_ceiling(paper_module)
 
 
 def test_a_ramp_behind_a_delay_is_found_although_the_law_alone_imitates_both(paper_module):

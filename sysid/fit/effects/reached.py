@@ -16,7 +16,7 @@ from sysid.compare.least_squares import Fitted
 from sysid.compare.measured import observe
 from sysid.compare.model_error import Whitener
 from sysid.compare.noise import measure_noise
-from sysid.compare.predicted import SimulationSettings, Simulator
+from sysid.compare.predicted import START_PRICE, SimulationSettings, Simulator
 from sysid.compare.search_space import LawWithEffects
 from sysid.fit.effects.uncertainty import with_uncertainty
 from sysid.logs import Dataset
@@ -116,15 +116,19 @@ class HeldOut:
         """Return the rms error of a model in sigmas, weighted as in a fit, and that of wheel speeds in rpm.
 
         Both are over the means of repeats. Samples after a change of command, which may be timed a little
-        differently each time, would outweigh all others in rpm.
+        differently each time, would outweigh all others in rpm. A wheel that starts at an unknown place in a
+        gap pays for each such place, as in a fit: it is looked for in these very runs.
         """
         blocks = self.whitener.observations.blocks
-        predicted = Simulator(self.whitener.observations, self.settings).predictions(model)
+        simulator = Simulator(self.whitener.observations, self.settings)
+        predicted = simulator.predictions(model)
         parts = [block.value - p for block, p in zip(blocks, predicted, strict=True)]
         wheels = [
             part for block, part in zip(blocks, parts, strict=True) if block.channel.startswith("speed_")
         ]
-        return rms(self.whitener.whiten(parts)), rms(np.concatenate(wheels))
+        whitened = self.whitener.whiten(parts)
+        square = float(whitened @ whitened) + START_PRICE * len(simulator.unknown_starts(model))
+        return math.sqrt(square / whitened.size), rms(np.concatenate(wheels))
 
     @property
     def noise_rpm(self) -> float:

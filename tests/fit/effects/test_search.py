@@ -13,6 +13,7 @@ from mecanum_env.model import Model, paper_model
 from sysid.compare.measured import observe
 from sysid.compare.model_error import Whitener
 from sysid.compare.noise import measure_noise
+from sysid.compare.predicted import START_PRICE
 from sysid.fit.effects import EffectSearch, HeldOut, Reached, searched
 from sysid.fit.effects.candidates import drive_candidates
 from sysid.fit.effects.drive import in_place_of
@@ -120,6 +121,18 @@ def test_an_effect_is_confirmed_by_likelihood_however_little_of_the_noise_it_is(
     """Friction of .7 rpm lowers an error that is nearly all noise by 1 %, as on a motor of the Robotino."""
     rubbing = reached(1.08, samples, 1100.0, paper_model().with_effect("coulomb_friction").effects)
     assert rubbing.better_than(reached(1.09, samples, 1400.0)) == is_better
+
+
+def test_validation_runs_charge_for_each_place_in_a_gap_that_is_looked_for_in_them() -> None:
+    """Else a gap may be confirmed by the noise in which its places are looked for."""
+    data, model = logs(paper_model()), paper_model()
+    held_out = HeldOut.of(data)
+    squares = [
+        held_out.errors(one)[0] ** 2 * held_out.whitener.size
+        for one in (model, model.with_effect("backlash", gap_deg=1e-6))
+    ]
+    runs = len(held_out.whitener.observations.situations)
+    assert squares[1] - squares[0] == pytest.approx(runs * START_PRICE, rel=1e-3)
 
 
 @pytest.mark.parametrize(("is_enough", "taken"), [(True, None), (False, "smaller")])

@@ -3,11 +3,12 @@
 from sysid.fit.effects.beam import searched
 from sysid.fit.effects.ceiling import has_unasked_ceiling
 from sysid.fit.effects.drive import DriveEffects, find_drive_effects
-from sysid.fit.effects.reached import HeldOut, Reached, confirmed
+from sysid.fit.effects.reached import WORTH, HeldOut, Reached, confirmed
 from sysid.fit.effects.search import EffectSearch
 from sysid.fit.effects.uncertainty import with_uncertainty
 
 __all__ = [
+    "WORTH",
     "DriveEffects",
     "EffectSearch",
     "HeldOut",

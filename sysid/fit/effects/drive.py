@@ -2,7 +2,7 @@
 
 The law alone is the model as long as it is enough. An effect is added, and law and effects are fitted again
 together, only if three things hold: the cost falls by more than `EVIDENCE` beyond the price of its parameters
-(BIC), their likelihood says the same of the validation runs, and no smaller set does as well
+(BIC), the validation runs are predicted better by `WORTH`, and no smaller set does as well
 (`sysid.fit.effects.reached`). Of such sets the cheapest is taken that no other one beats clearly on the
 validation runs: what fits the fit runs only may have the best price. The noise is that of repeats; where the
 model leaves more than the noise, the residual's variance is used instead.
@@ -136,7 +136,7 @@ def find_drive_effects(
         searches += [search_from(model) for model in anywhere]
         began += [start for search in searches[-len(anywhere) :] if (start := search.begin()) is not None]
     reached = searched(searches, began, tell)
-    worthy = in_place_of(first, reached, is_enough=is_enough)
+    worthy = in_place_of(first, reached, held_out.whitener.size, is_enough=is_enough)
     best = worthy or (None if is_enough else first)
     before, before_rpm = held_out.errors(alone)
     if best is None or best.held_out**2 > (1.0 if is_enough else _FAR) * before**2:
@@ -145,12 +145,14 @@ def find_drive_effects(
     return DriveEffects(model, of_law, before_rpm, best.held_out_rpm)
 
 
-def in_place_of(first: Reached, reached: Sequence[Reached], *, is_enough: bool) -> Reached | None:
+def in_place_of(
+    first: Reached, reached: Sequence[Reached], samples: int, *, is_enough: bool
+) -> Reached | None:
     """Return which of the sets `reached`, best price first, takes the place of the first law, if any does.
 
-    It is confirmed on the validation runs. Where the law `is_enough` and leaves little, only the set with the
-    best price may, and if held-out runs refuse that, the law stays: smaller sets may pass, as the supply
-    limit of the bundled logs would. A law that is not enough has no such claim.
+    It is confirmed on the `samples` of the held-out runs. Where the law `is_enough` and leaves little, only
+    the set with the best price may, and if held-out runs refuse that, the law stays: smaller sets may pass,
+    as the supply limit of the bundled logs would. A law that is not enough has no such claim.
     """
     tried = reached[:1] if is_enough and first.inflation <= _FAR else reached
-    return confirmed([one for one in tried if one is not first and one.better_than(first)])
+    return confirmed([one for one in tried if one is not first and one.better_than(first)], samples)

@@ -22,8 +22,10 @@ from sysid.fit.effects.uncertainty import with_uncertainty
 from sysid.logs import Dataset
 
 EVIDENCE: Final = VERY_STRONG
-"""Difference of BIC that an effect must gain on the fit runs, and of -2 log likelihood on the validation
-runs."""
+"""Difference of BIC that an effect must gain."""
+WORTH: Final = 0.02
+"""Least relative decrease of the error on the validation runs for which an effect is added. Assumed; the same
+as for a delay or a ceiling (`sysid.fit.drive.choice`)."""
 _LINK_DELAY: Final = "command_latency"
 
 
@@ -38,8 +40,6 @@ class Reached:
     held_out: float
     """Rms error on the validation runs, in sigmas as the fit weights them."""
     held_out_rpm: float
-    held_out_samples: int
-    """Samples of the validation runs that the two errors are of."""
 
     @property
     def model(self) -> Model:
@@ -62,38 +62,28 @@ class Reached:
         return self.fitted.cost / inflation + self.parameter_count * math.log(samples) + EVIDENCE * effects
 
     def better_than(self, other: Reached) -> bool:
-        """Return whether this is worth its parameters: by BIC, and by likelihood on the validation runs.
-
-        A share of the error there would not do: nearly all of it may be noise, which no effect removes.
-        """
+        """Return whether this is worth its parameters: by BIC, and on the validation runs."""
         samples = self.fitted.residual.size
         gain = (other.fitted.cost - self.fitted.cost) / self.inflation
         price = (self.parameter_count - other.parameter_count) * math.log(samples)
         more = max(1, len(self.model.effects) - len(other.model.effects))
-        agrees = self.held_out**2 + more * self.clear_on_held_out < other.held_out**2
+        agrees = self.held_out < (1.0 - WORTH) ** more * other.held_out
         return gain - price > EVIDENCE and agrees
-
-    @property
-    def clear_on_held_out(self) -> float:
-        """What the square of `held_out` differs by for `EVIDENCE` in -2 log likelihood."""
-        return EVIDENCE * max(1.0, self.held_out**2) / self.held_out_samples
 
     def stated(self) -> tuple[Model, FloatArray]:
         """Return the model with all that is known of its uncertainty, and the covariance (6, 6) of A-F."""
         return with_uncertainty(self.base, self.fitted, self.inflation)
 
 
-def confirmed(worthy: Sequence[Reached]) -> Reached | None:
+def confirmed(worthy: Sequence[Reached], samples: int) -> Reached | None:
     """Return the first set that no other one beats clearly on the validation runs; None if there is none.
 
     The sets come in the order of their prices, by which one may be first that fits the fit runs only. Clear
-    is a difference of `EVIDENCE` in -2 log likelihood.
+    is a difference of `EVIDENCE` in -2 log likelihood, for so many `samples` of the validation runs.
     """
-    best = min(worthy, key=lambda one: one.held_out, default=None)
-    if best is None:
-        return None
-    enough = best.held_out**2 + best.clear_on_held_out
-    return next(one for one in worthy if one.held_out**2 <= enough)
+    least = min((one.held_out**2 for one in worthy), default=1.0)
+    clear = EVIDENCE * max(1.0, least) / samples
+    return next((one for one in worthy if one.held_out**2 <= least + clear), None)
 
 
 @dataclass(frozen=True, eq=False)

@@ -236,7 +236,7 @@ class EffectSearch:
         except MecanumError:
             # Held-out commands may drive a model astray that the fit runs do not.
             return None
-        return Reached(self.base, found, candidate.parameter_count, *held_out, self.held_out.whitener.size)
+        return Reached(self.base, found, candidate.parameter_count, *held_out)
 
     def _set(self, names: Sequence[str]) -> EffectSet:
         """Return effects with free parameters whose bounds are as wide as these logs allow."""

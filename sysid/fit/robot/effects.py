@@ -121,7 +121,7 @@ def find_robot_effects(
     first = min(began, key=lambda one: one.price(min(each.inflation for each in began)))
     reached = searched(searches, [first], progress, _ROUNDS, _WIDTH, _PRUNED)
     worthy = [one for one in reached if one.held_out <= _BETTER * before]
-    best = confirmed(worthy)
+    best = confirmed(worthy, held_out.whitener.size)
     if best is None:
         return None
     model, covariance = best.stated()

@@ -29,6 +29,7 @@ from mecanum_env.mjcf.geometry import wheel_geometry
 from mecanum_env.model import Model
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 from sysid.compare.least_squares import descend_from_afar
+from sysid.fit.effects import WORTH
 from sysid.fit.robot.output_error import PlantData
 from sysid.logs import Run
 from sysid.progress import Progress, silent
@@ -46,10 +47,10 @@ _BEST: Final = 2
 """Places that are descended from with small steps, of those with the same integral, and the number of
 steps."""
 _LAST_STEPS: Final = 25
-_PRICE: Final = 0.98**-2
-"""Factor on the squared error without the ceiling that the model assumes: it is lifted where the error is
-less by 2 %, compared with a descent from the same place. Logs whose commands go hardly beyond it fit about as
-well without, and the next ones do not."""
+_PRICE: Final = (1.0 - WORTH) ** -2
+"""Factor on the squared error without the ceiling that the model assumes: it is lifted where that is worth as
+much as an effect must be, compared with a descent from the same place. Logs whose commands go hardly beyond
+it fit about as well without, and the next ones do not."""
 WINDUPS: Final = (0.0, 1.0)
 """Values of `servo_windup` that are tried, unless it is given: with anti-windup and without."""
 _ASTRAY: Final = 1e3

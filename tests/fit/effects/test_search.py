@@ -1,6 +1,5 @@
 """The search of effects beside a law: what a start brings and the logs do not show is left out."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
@@ -93,34 +92,15 @@ def test_a_set_grows_only_to_what_fits_better() -> None:
     assert all(one.fitted.cost < began.fitted.cost for one in grown)
 
 
-def reached(
-    held_out: float, samples: int, cost: float = 1000.0, effects: Mapping[str, Any] | None = None
-) -> Reached:
-    """Return a set with so many effects and as many parameters, whose fit had 1000 residuals."""
-    model = replace(paper_model(), effects=dict(effects or {}))
-    fitted = SimpleNamespace(
-        cost=cost, residual=np.zeros(1000), place=None, candidate=SimpleNamespace(model=lambda *_: model)
-    )
-    return Reached(model, cast(Any, fitted), 6 + len(model.effects), held_out, held_out, samples)
-
-
 def test_the_validation_runs_confirm_a_set_before_its_price_decides() -> None:
-    first, second = reached(1.2, 1000), reached(1.1, 1000)
-    assert confirmed([first, second]) is second
-    near = reached(1.101, 1000)
-    assert confirmed([near, second]) is near
-    first, second = reached(1.2, 40), reached(1.1, 40)
-    assert confirmed([first, second]) is first
-    assert confirmed([]) is None
+    def reached(held_out: float) -> Reached:
+        return Reached(paper_model(), cast(Any, None), 6, held_out, held_out)
 
-
-@pytest.mark.parametrize(("samples", "is_better"), [(2000, True), (500, False)])
-def test_an_effect_is_confirmed_by_likelihood_however_little_of_the_noise_it_is(
-    samples: int, is_better: bool
-) -> None:
-    """Friction of .7 rpm lowers an error that is nearly all noise by 1 %, as on a motor of the Robotino."""
-    rubbing = reached(1.08, samples, 1100.0, paper_model().with_effect("coulomb_friction").effects)
-    assert rubbing.better_than(reached(1.09, samples, 1400.0)) == is_better
+    first, second = reached(1.2), reached(1.1)
+    assert confirmed([first, second], 1000) is second
+    assert confirmed([reached(1.101), second], 1000).held_out == 1.101
+    assert confirmed([first, second], 40) is first
+    assert confirmed([], 1000) is None
 
 
 def test_validation_runs_charge_for_each_place_in_a_gap_that_is_looked_for_in_them() -> None:
@@ -142,11 +122,9 @@ def test_a_law_that_is_not_enough_gives_way_to_any_set_that_held_out_runs_confir
     """As for a drive below its command, whose law alone would need a pole that never settles."""
     law = SimpleNamespace(inflation=1.9, held_out=2.1)
     best = SimpleNamespace(name="best price", held_out=2.7, better_than=lambda _: False)
-    smaller = SimpleNamespace(
-        name="smaller", held_out=1.6, clear_on_held_out=0.02, better_than=lambda _: True
-    )
-    sets: list[Any] = [best, smaller, law]
-    chosen: Any = in_place_of(cast(Any, law), sets, is_enough=is_enough)
+    smaller = SimpleNamespace(name="smaller", held_out=1.6, better_than=lambda _: True)
+    reached: list[Any] = [best, smaller, law]
+    chosen: Any = in_place_of(cast(Any, law), reached, 1000, is_enough=is_enough)
     assert (chosen and chosen.name) == taken
 
 
@@ -219,7 +197,7 @@ def test_a_delay_pays_for_its_parameters_and_an_effect_for_more() -> None:
     def price(*names: str) -> float:
         candidate = SimpleNamespace(effects=SimpleNamespace(names=names))
         fitted = SimpleNamespace(candidate=candidate, cost=100.0, residual=np.zeros(100))
-        return Reached(paper_model(), cast(Any, fitted), 6, 1.0, 1.0, 100).price(1.0)
+        return Reached(paper_model(), cast(Any, fitted), 6, 1.0, 1.0).price(1.0)
 
     assert price("command_latency/jitter") == price()
     assert price("backlash") > price()

@@ -37,7 +37,7 @@ from sysid.gap.search import thresholds
 from sysid.gap.search.beyond_fit import promised_gains, without_first_order
 from sysid.gap.search.chance import expected
 from sysid.gap.search.decision import explore
-from sysid.gap.search.known_effects import known_effects
+from sysid.gap.search.known_effects import effects_for
 from sysid.gap.search.plain_squares import plain_ratio
 from sysid.gap.search.sets import Search
 from sysid.gap.search.study_data import StudyData, study_data
@@ -236,7 +236,7 @@ def _begun(folder: Path) -> tuple[StudyData, Search]:
     if late is not None:
         logs, model, fitted_on = late.dataset, late.model, late.beside(fitted_on)
     options = replace(OPTIONS, fitted_on=fitted_on)
-    considered = known_effects(logs.level, options.plant, logs.columns)
+    considered = effects_for(logs, options.plant)
     settings = SimulationSettings(options.plant, options.jobs, seed=options.seed)
     with without_engine_warnings(), one_thread():
         data = study_data(logs, model, options)

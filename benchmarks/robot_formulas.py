@@ -30,7 +30,7 @@ from mecanum_env.reading import read_json
 from sysid.compare.predicted import without_engine_warnings
 from sysid.gap.inquiry import Inquiry, inquire
 from sysid.gap.result import GapOptions
-from sysid.gap.search.known_effects import known_effects
+from sysid.gap.search.known_effects import effects_for
 from sysid.gap.search.thresholds import THRESHOLDS
 from sysid.logs import read_dataset
 from sysid.logs.tails import weighted_down
@@ -115,7 +115,7 @@ def _measured(seed: int, folder: Path) -> Left:
         weighted_down(each)[0] for each in (read_dataset(folder / "logs"), logs_of_fit(folder))
     )
     options = GapOptions(fitted_on=fitted_on, next_experiment=False)
-    considered = known_effects(logs.level, options.plant, logs.columns)
+    considered = effects_for(logs, options.plant)
     with without_engine_warnings(), one_thread():
         found = inquire(logs, model, options, considered, THRESHOLDS.false_alarm, silent)
     (hidden,) = case.hidden

@@ -193,6 +193,9 @@ class Effect:
     """For an effect that changes nothing at many places: values of parameters at which a search starts."""
     unsearched_on: tuple[PlantKind, ...] = ()
     """Plants on whose logs a search for the effects that a model lacks leaves it out."""
+    needs_falling_command: bool = False
+    """Whether the bench shows it only where a command falls or reverses within a run: at the first start
+    alone, a gap in which a wheel may stand anywhere is no other than a delay of any length."""
     shifts_time: bool = False
     """It moves everything behind it later, so that responses measured without it no longer hold."""
     exact: bool = False

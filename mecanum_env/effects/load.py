@@ -95,6 +95,7 @@ EFFECTS: Final = (
         "meanwhile the wheel runs on.",
         signature="A dead time after each reversal of the torque; steady motion is unchanged.",
         direct_check=_PLAY,
+        needs_falling_command=True,
         realistic=lambda _: {"gap_deg": 4.0},
         change_drive=_coasting,
     ),
@@ -119,6 +120,7 @@ EFFECTS: Final = (
         signature="The wheel slows down by itself and then stands still for a while, at each reversal and "
         "hard brake; it does not move at once at the first start.",
         direct_check=_PLAY,
+        needs_falling_command=True,
         change_drive=_slowed,
     ),
     Effect(

@@ -56,7 +56,7 @@ def law_of(dataset: Dataset, options: GapOptions, progress: Progress = silent) -
     )
     most = max(options.max_effects, len(beyond))
     law = replace(whole, effects=kept, uncertainty=uncertainty)
-    return law, replace(options, max_effects=most, timed_by=whole, notes=(*options.notes, note))
+    return law, replace(options, max_effects=most, fitted_here=whole, notes=(*options.notes, note))
 
 
 def _selected(dataset: Dataset) -> Dataset:

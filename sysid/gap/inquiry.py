@@ -27,6 +27,7 @@ from sysid.compare.search_space import Bounds
 from sysid.gap.result import GapOptions, Since
 from sysid.gap.search.beyond_fit import beyond_fit, ripples_beyond_fit
 from sysid.gap.search.decision import Decision, decide, explore
+from sysid.gap.search.given_set import GivenSet, beyond
 from sysid.gap.search.responses import Library, responses
 from sysid.gap.search.sets import Search
 from sysid.gap.search.since import Completion, completed, since_of, since_of_robot
@@ -115,12 +116,14 @@ def _searched(
     data = study_data(dataset, model, options)
     data = replace(data, floor=replace(data.floor, false_alarm=false_alarm))
     progress(stage := "what each effect would do")
-    search = start_search(data, model, settings, considered, within(progress, stage))
+    given = {} if options.fitted_here is None else beyond(model, options.fitted_here, considered)
+    search = start_search(data, model, settings, considered, within(progress, stage), given=given)
     if not data.floor.trusted:
         progress(stage := "how far the model errs by itself")
         search.tell = within(progress, stage)
         data = replace(data, error=_error_of_best_fit(data, search, options.max_effects))
-        search = start_search(data, model, settings, considered, search.tell, search.problem.simulators)
+        simulators = search.problem.simulators
+        search = start_search(data, model, settings, considered, search.tell, simulators, given)
     progress(stage := "sets of effects")
     search.tell = within(progress, stage)
     decision = decide(search, data.floor, options.max_effects, np.random.default_rng(settings.seed))
@@ -129,7 +132,7 @@ def _searched(
     def again(data: StudyData, stage: str) -> tuple[Search, Decision]:
         progress(stage)
         tell = within(progress, stage)
-        search = start_search(data, model, settings, considered, tell, simulators)
+        search = start_search(data, model, settings, considered, tell, simulators, given)
         search.tell = tell
         search.told_before = frozenset(one.names for one in decision.facts.tied)
         return search, decide(search, data.floor, options.max_effects, np.random.default_rng(settings.seed))
@@ -157,6 +160,7 @@ def start_search(
     considered: Sequence[str],
     tell: Progress,
     simulators: Simulators | None = None,
+    given: GivenSet | None = None,
 ) -> Search:
     """Return the search of a study before any set is fitted: what the `considered` effects would do.
 
@@ -167,6 +171,7 @@ def start_search(
         considered: names of the effects to look for.
         tell: called with the name of each before it is simulated.
         simulators: of an earlier search of the same logs, if there was one.
+        given: a set of effects that explains these logs, if one is known.
     """
     whitener = Whitener(data.observations, data.noise, data.error)
     problem = ResidualProblem(model, whitener, settings, simulators, data.repeated or data.learned)
@@ -185,7 +190,9 @@ def start_search(
         problem = ResidualProblem(model, whitener, settings, problem.simulators, repeated)
         found = [replace(r, change=problem.marginal(r.change)) for r in found]
         library = ripples_beyond_fit(problem, repeated, found)
-    return Search(problem, library, BESIDE_FIT_OF_ROBOT if problem.knows_all else EFFORT[level])
+    search = Search(problem, library, BESIDE_FIT_OF_ROBOT if problem.knows_all else EFFORT[level])
+    search.given = given or {}
+    return search
 
 
 def _error_of_best_fit(data: StudyData, search: Search, max_effects: int) -> ModelError:

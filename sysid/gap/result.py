@@ -61,9 +61,9 @@ class GapOptions:
     """Whether to design the next experiment."""
     fitted_on: Dataset | None = None
     """The logs that the model was fitted to: what they show, too, is no new effect."""
-    timed_by: Model | None = None
-    """A model that predicts the logs better than the one that is studied, such as the same law with effects:
-    where each command acted at a time of its own, it tells the times. None: the studied model does."""
+    fitted_here: Model | None = None
+    """The studied law with effects, both fitted to these very logs: its effects are a set that the search
+    begins with, and where each command acted at a time of its own, it tells the times. None: no such fit."""
     earlier: tuple[Spent, ...] = ()
     """Earlier studies; those of the same logs lower the probability of a false alarm in this one."""
     notes: tuple[str, ...] = ()

@@ -30,7 +30,7 @@ STUDIES: Final = "studies"
 """Key of what was spent, in gap.json and in a model's provenance."""
 _OF_ALL: Final = 2.0
 """Level of all studies together, in those of a single one."""
-_NO_MATTER: Final = ("jobs", "adopt", "next_experiment", "fitted_on", "timed_by", "notes", "earlier")
+_NO_MATTER: Final = ("jobs", "adopt", "next_experiment", "fitted_on", "fitted_here", "notes", "earlier")
 """Options that no decision depends on, or that are described otherwise."""
 
 

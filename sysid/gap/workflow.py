@@ -36,7 +36,7 @@ from sysid.gap.runs_apart import with_runs_apart
 from sysid.gap.search.chance import chance_gains, expected, smallest_detectable, untestable
 from sysid.gap.search.checks import require_movement, require_valid
 from sysid.gap.search.custom import propose
-from sysid.gap.search.known_effects import is_meant, known_effects
+from sysid.gap.search.known_effects import effects_for, is_meant
 from sysid.gap.spending import budget_of, with_studies
 from sysid.gap.unshown import with_unshown
 from sysid.logs import Dataset, Run
@@ -66,14 +66,14 @@ def analyse(
     """
     dataset = runs if isinstance(runs, Dataset) else Dataset("logs", tuple(runs), ())
     options = options or GapOptions()
-    require_valid(options, dataset.level, dataset.columns)
+    require_valid(options, dataset.level, dataset)
     require_movement(dataset)
     dataset, tails = weighted_down(dataset)
     dataset, apart = with_runs_apart(dataset)
     budget = budget_of(dataset, model, options)
     fitted_on = None if options.fitted_on is None else weighted_down(options.fitted_on)[0]
     with without_engine_warnings(), one_thread():
-        late = AlignedLogs.stated(dataset, model, options.timed_by)
+        late = AlignedLogs.stated(dataset, model, options.fitted_here)
         if late is None:
             options = replace(options, fitted_on=fitted_on)
             report, best = _analyse(dataset, model, options, budget.level, progress)
@@ -106,7 +106,7 @@ def _analyse(
     dataset: Dataset, model: Model, options: GapOptions, false_alarm: float, progress: Progress
 ) -> tuple[GapReport, Model]:
     """Return the report of a study, and the model with the best set of effects, named or not."""
-    known = known_effects(dataset.level, options.plant, dataset.columns)
+    known = effects_for(dataset, options.plant)
     only = options.only or known
     considered = [name for name in known if is_meant(name, only) and not is_meant(name, options.exclude)]
     found = inquire(dataset, model, options, considered, false_alarm, progress)
@@ -234,7 +234,14 @@ def _what_is_open(
     library = (*search.library, *search.considered.left_out)
     needed = max(floor.slack * threshold, floor.least_share * expected(search.problem, search.base))
     detectable = smallest_detectable(library, needed, search.considered.least)
-    unseen = untestable(considered, library, detectable, dataset.level, dataset.columns)
+    unseen = untestable(
+        considered,
+        library,
+        detectable,
+        dataset.level,
+        dataset.columns,
+        command_falls=dataset.command_falls,
+    )
     asked = Design(None, "")
     if options.next_experiment:
         asked = design_next_experiment(

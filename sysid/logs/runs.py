@@ -213,6 +213,14 @@ class Dataset:
         """Names of the measured columns that have a sample in any run."""
         return frozenset(name for run in self.runs for name in run.channels if np.any(run.finite(name)))
 
+    @property
+    def command_falls(self) -> bool:
+        """Whether the command of any wheel falls or reverses within a run."""
+        return any(
+            bool(np.any(np.diff(rpm, axis=0) * np.sign(rpm[:-1]) < 0.0))
+            for rpm in (run.command.wheels_rpm for run in self.runs)
+        )
+
     def groups(self) -> dict[str, tuple[Run, ...]]:
         """Return the runs by group, each a set of repeats."""
         names = dict.fromkeys(run.group for run in self.runs)

@@ -69,7 +69,9 @@ def fit_once(fit: Callable[..., Fit]) -> Callable[..., Fit]:
 
 def few_candidates(search: Callable[..., dict[str, Any]]) -> Callable[..., dict[str, Any]]:
     """Return a choice of effects for a fit that leaves all but few out."""
-    return lambda columns: {name: effect for name, effect in search(columns).items() if name in FEW}
+    return lambda *logs, **what: {
+        name: effect for name, effect in search(*logs, **what).items() if name in FEW
+    }
 
 
 def study_once(analyse: Callable[..., GapReport]) -> Callable[..., GapReport]:

@@ -89,10 +89,11 @@ def starts(
         yield place
 
 
-def drive_candidates(columns: Collection[str]) -> dict[str, Effect]:
+def drive_candidates(columns: Collection[str], *, command_falls: bool = True) -> dict[str, Effect]:
     """Return the effects that a drive may have by itself, in the order of the chain.
 
-    `columns` are those of the logs.
+    `columns` are those of the logs, and `command_falls` says whether a command falls or reverses within any
+    of their runs.
     """
     return {
         name: effect
@@ -101,6 +102,7 @@ def drive_candidates(columns: Collection[str]) -> dict[str, Effect]:
         and (effect.station in _STATIONS or name in _TIMING)
         and (effect.reads or effect.cause not in _LEFT_OUT)
         and effect.readable_in(columns)
+        and (command_falls or not effect.needs_falling_command)
         and name not in (_ANY_LAG, _LAW_ITSELF)
         # A map has five numbers and stands for what has no simpler name, which a study may then find.
         and effect.search_from is None

@@ -113,7 +113,7 @@ def find_drive_effects(
     held_out = HeldOut.of(dataset)
     is_enough = float(np.max(np.abs(alone.wheel.law.poles))) < largest_pole
     laws = (alone, *others) if is_enough else tuple(first_order_laws(alone, largest_pole))
-    known = drive_candidates(dataset.columns)
+    known = drive_candidates(dataset.columns, command_falls=dataset.command_falls)
     held = HeldSpeeds.of(observe(replace(dataset, runs=dataset.split("fit"))))
 
     def search_from(law: Model) -> EffectSearch:

@@ -273,11 +273,13 @@ def untestable(
     detectable: Mapping[str, Mapping[str, float]],
     level: Level,
     columns: Collection[str],
+    *,
+    command_falls: bool = True,
 ) -> tuple[Untestable, ...]:
     """Return which of the considered effects logs of a level could not show, with the reason.
 
     `library` holds their responses, `detectable` is from `smallest_detectable`; `columns` are those of the
-    logs.
+    logs, and `command_falls` is as in `Dataset`.
     """
     found = []
     for name, effect in CATALOGUE.items():
@@ -287,6 +289,9 @@ def untestable(
         elif not effect.unsearched_on and not effect.readable_in(columns):
             missing = " and ".join(column for column in effect.reads if column not in columns)
             found.append(Untestable(name, f"these logs have no {missing}, which it follows: log it", {}))
+        elif level == "bench" and effect.needs_falling_command and not command_falls:
+            reason = "no command falls or reverses, and the gap before a first start is a delay: reverse it"
+            found.append(Untestable(name, reason, {}))
         elif effect.simulated and level == "bench" and "bench" in effect.absent_from:
             found.append(Untestable(name, f"a bench log has no {effect.acts_on}: record a robot log", {}))
         elif level == "bench" and name == effect.cause and effect.unsearched_on == ("bench",):

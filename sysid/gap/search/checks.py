@@ -5,17 +5,16 @@ Logs in which nothing moves are refused: a dead sensor would pass for an effect,
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from typing import Final
 
 import numpy as np
 
-from mecanum_env.effects import CATALOGUE
+from mecanum_env.effects import CATALOGUE, Effect
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.model import forms_of
 from mecanum_env.units import FloatArray
 from sysid.gap.result import GapOptions
-from sysid.gap.search.known_effects import is_meant, known_effects
+from sysid.gap.search.known_effects import effects_for, is_meant, known_effects
 from sysid.logs import Dataset
 from sysid.logs.runs import Level
 
@@ -23,8 +22,8 @@ _LEAST_SAMPLES: Final = 7
 """Least number of samples, as for a fit."""
 
 
-def require_valid(options: GapOptions, level: Level, columns: Collection[str] | None = None) -> None:
-    """Refuse options that make no sense for logs of a level, which have these measured `columns`.
+def require_valid(options: GapOptions, level: Level, dataset: Dataset | None = None) -> None:
+    """Refuse options that make no sense for logs of a level, or for those of a `dataset` of this level.
 
     Raises:
         InputError: another level than that of the logs, a count below 1, no time to decide on, or an effect
@@ -34,7 +33,7 @@ def require_valid(options: GapOptions, level: Level, columns: Collection[str] | 
         raise InputError(f"level {options.level}: these are {level} logs; leave it out, or give {level}")
     if options.plant == "planar" and level == "bench":
         raise InputError("plant planar: these are bench logs, which have no robot; leave it out")
-    known = known_effects(level, options.plant, columns)
+    known = known_effects(level, options.plant) if dataset is None else effects_for(dataset, options.plant)
     for option, names in (("only", options.only), ("exclude", options.exclude)):
         for name in names:
             if name not in CATALOGUE and not forms_of(name):
@@ -44,8 +43,7 @@ def require_valid(options: GapOptions, level: Level, columns: Collection[str] | 
                 )
     for name in options.only:
         if not any(is_meant(one, (name,)) for one in known):
-            needed = CATALOGUE[name].reads if name in CATALOGUE else ()
-            logs = f"{level} logs" + (f" without {' and '.join(needed)}" if needed else "")
+            logs = f"{level} logs" + (_lacking(CATALOGUE[name]) if name in CATALOGUE else "")
             raise InputError(f"only {name}: has no effect in {logs}; use one of: {', '.join(known)}")
         if name in options.exclude:
             raise InputError(f"only {name}: excluded as well; leave out one of the two")
@@ -88,3 +86,10 @@ def require_movement(dataset: Dataset) -> None:
         f"{still} in every sample while wheels are commanded up to {fastest:g} rpm: a dead sensor or the "
         "wrong column, or no command that moves the wheel; check the logs, or record larger commands"
     )
+
+
+def _lacking(effect: Effect) -> str:
+    """Return what an effect needs and logs may lack, in words."""
+    if effect.needs_falling_command:
+        return " in which no command falls or reverses"
+    return f" without {' and '.join(effect.reads)}" if effect.reads else ""

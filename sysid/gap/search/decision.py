@@ -170,7 +170,7 @@ def explore(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
         search.grow(1)
     if not search.of_size(1):
         return facts
-    size = _grow(search, floor, max_effects, rng)
+    size = max(_grow(search, floor, max_effects, rng), search.fit_given())
     inflation = _inflation(problem, floor, search.best_fit)
     best = _swapped(search, size, inflation)
     tie = best.cost + THRESHOLDS.tie_sigmas**2 * inflation

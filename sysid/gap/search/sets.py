@@ -31,6 +31,7 @@ from sysid.compare.least_squares import (
 )
 from sysid.compare.search_space import EffectSet, excludes_itself
 from sysid.gap.search.chance import roller_scatter
+from sysid.gap.search.given_set import GivenSet, set_at
 from sysid.gap.search.responses import Growth, Library, Response, growths, responses
 from sysid.gap.search.thresholds import THRESHOLDS, SearchEffort
 from sysid.progress import Progress, silent
@@ -71,6 +72,8 @@ class Search:
         """Called before each fit with the set."""
         self.told_before: frozenset[tuple[str, ...]] = frozenset()
         """Sets that an earlier search of the same logs, with another weight of each sample, found as good."""
+        self.given: GivenSet = {}
+        """A set of effects, with values, that `fit_given` begins with."""
         self._fitted: dict[tuple[str, ...], Fitted[EffectSet]] = {(): self.base}
         self._behind: dict[tuple[str, ...], list[Response]] = {}
 
@@ -100,6 +103,27 @@ class Search:
         if not self.problem.has_surrogate:
             for larger in self.of_size(size):
                 self._improve_parts(larger)
+
+    def fit_given(self) -> int:
+        """Fit the given set, and what is left as the least useful effects go one by one; return its size.
+
+        That is 0 where no set is given or none of them can be simulated.
+        """
+        if not self.given:
+            return 0
+        candidate, place = set_at(self.problem.base, self.given, self.problem.settings.scale)
+        found = fit(self.problem, candidate, place)
+        if found is None or self._rings(found):
+            return 0
+        found = self._to_the_end(found)
+        before = self._fitted.get(found.names)
+        if before is None or found.cost < before.cost:
+            self._fitted[found.names] = found
+        smaller: Fitted[EffectSet] | None = found
+        while smaller is not None and len(smaller.names) > 1:
+            rests = [self._rest(smaller, name) for name in smaller.names]
+            smaller = min((one for one in rests if one), key=lambda one: one.cost, default=None)
+        return len(found.names)
 
     def _improve_parts(self, larger: Fitted[EffectSet]) -> None:
         """Fit each set that a `larger` one may have grown from again, if it fits better at its place there.

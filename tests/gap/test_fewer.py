@@ -188,13 +188,17 @@ def test_friction_is_no_repetition_of_the_dead_zone_that_looks_like_it(search: A
     assert tied(search, FLOOR, dead, sets, 1.0) == (dead, rubbing, late, asymmetric)
 
 
-@pytest.mark.parametrize(("share", "is_told"), [(1.0, False), (0.9, True)])
+@pytest.mark.parametrize(("time_constant_s", "is_told"), [(4.0, False), (3.6, True), (None, True)])
 def test_what_fades_no_sooner_than_the_logs_end_does_not_tie_with_what_stays(
-    search: Any, base: Model, share: float, is_told: bool
+    search: Any, base: Model, time_constant_s: float | None, is_told: bool
 ) -> None:
-    """A warm-up has more parameters than friction, and looks like it where it is as slow as it may be."""
+    """A warm-up has more parameters than friction, and looks like it where it is as slow as it may be.
+
+    A set may have lost its time constant as a parameter that it does not need.
+    """
     cold, longest_s = "warm_up/cold_friction", 4.0
-    warming = base.with_effect(cold, torque_n_m=0.1, time_constant_s=share * longest_s)
+    slowness = {} if time_constant_s is None else {"time_constant_s": time_constant_s}
+    warming = base.with_effect(cold, torque_n_m=0.1, **slowness)
 
     def one(name: str, count: int, cost: float) -> ScoredSet:
         candidate = SimpleNamespace(parameter_count=count, model=lambda *_: warming)

@@ -319,7 +319,9 @@ def _stays_like(search: Search, one: ScoredSet, other: ScoredSet) -> bool:
     (name,) = own
     if name not in CATALOGUE or FADING not in CATALOGUE[name].parameters:
         return False
-    values = one.fitted.candidate.model(search.problem.base, one.fitted.place).effects[name]
+    model = one.fitted.candidate.model(search.problem.base, one.fitted.place)
+    # A parameter that the set does not need is left out of it.
+    values = CATALOGUE[name].complete(model.effects[name], model)
     longest_s = FADING.scaled(search.problem.settings.scale).bounds[1]
     return bool(values[FADING.name] >= (1.0 - _AT_THE_END) * longest_s)
 

@@ -171,7 +171,7 @@ def start_search(
         considered: names of the effects to look for.
         tell: called with the name of each before it is simulated.
         simulators: of an earlier search of the same logs, if there was one.
-        given: a set of effects that explains these logs, if one is known.
+        given: a set of effects to try whole, whatever the search grows; None: there is none.
     """
     whitener = Whitener(data.observations, data.noise, data.error)
     problem = ResidualProblem(model, whitener, settings, simulators, data.repeated or data.learned)

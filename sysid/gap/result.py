@@ -62,8 +62,9 @@ class GapOptions:
     fitted_on: Dataset | None = None
     """The logs that the model was fitted to: what they show, too, is no new effect."""
     fitted_here: Model | None = None
-    """The studied law with effects, both fitted to these very logs: its effects are a set that the search
-    begins with, and where each command acted at a time of its own, it tells the times. None: no such fit."""
+    """The studied law with effects, both fitted to these very logs: its effects are a set that is tried,
+    however many they are, and where each command acted at a time of its own, it tells the times. None: no
+    such fit."""
     earlier: tuple[Spent, ...] = ()
     """Earlier studies; those of the same logs lower the probability of a false alarm in this one."""
     notes: tuple[str, ...] = ()

@@ -290,7 +290,10 @@ def untestable(
             missing = " and ".join(column for column in effect.reads if column not in columns)
             found.append(Untestable(name, f"these logs have no {missing}, which it follows: log it", {}))
         elif level == "bench" and effect.needs_falling_command and not command_falls:
-            reason = "no command falls or reverses, and the gap before a first start is a delay: reverse it"
+            reason = (
+                "no command of these logs falls or reverses, and a gap that is passed once, at the start, is "
+                "no other than a delay: drive reversals"
+            )
             found.append(Untestable(name, reason, {}))
         elif effect.simulated and level == "bench" and "bench" in effect.absent_from:
             found.append(Untestable(name, f"a bench log has no {effect.acts_on}: record a robot log", {}))

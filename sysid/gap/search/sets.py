@@ -73,7 +73,7 @@ class Search:
         self.told_before: frozenset[tuple[str, ...]] = frozenset()
         """Sets that an earlier search of the same logs, with another weight of each sample, found as good."""
         self.given: GivenSet = {}
-        """A set of effects, with values, that `fit_given` begins with."""
+        """A set of effects, with values, that `fit_given` fits."""
         self._fitted: dict[tuple[str, ...], Fitted[EffectSet]] = {(): self.base}
         self._behind: dict[tuple[str, ...], list[Response]] = {}
 
@@ -115,11 +115,9 @@ class Search:
         found = fit(self.problem, candidate, place)
         if found is None or self._rings(found):
             return 0
-        found = self._to_the_end(found)
-        before = self._fitted.get(found.names)
-        if before is None or found.cost < before.cost:
-            self._fitted[found.names] = found
-        smaller: Fitted[EffectSet] | None = found
+        before, found = self._fitted.get(found.names, found), self._to_the_end(found)
+        self._fitted[found.names] = min(before, found, key=lambda one: one.cost)
+        smaller: Fitted[EffectSet] | None = self._fitted[found.names]
         while smaller is not None and len(smaller.names) > 1:
             rests = [self._rest(smaller, name) for name in smaller.names]
             smaller = min((one for one in rests if one), key=lambda one: one.cost, default=None)

@@ -18,8 +18,9 @@ from multiprocessing.connection import Connection, wait
 from types import FrameType
 from typing import Any, Final
 
+from mecanum_env.errors import InputError
 from mecanum_env.parallel.same_code import code_fingerprint
-from mecanum_env.parallel.tasks import MOST_TRIES, T, Task, Tell, answer, lost, packed, unpacked
+from mecanum_env.parallel.tasks import GUARD, MOST_TRIES, T, Task, Tell, answer, lost, packed, unpacked
 
 _GRACE_S: Final = 10.0
 """Time in which an interrupted task may remove its temporary files [s]."""
@@ -99,9 +100,16 @@ class _Worker:
         self.process = context.Process(target=_serve, args=(self._theirs,), daemon=True)
 
     def start(self) -> None:
-        """Start the process."""
+        """Start the process.
+
+        Raises:
+            InputError: this process is itself a worker that still imports the user's script.
+        """
         with environment_of_workers():
-            self.process.start()
+            try:
+                self.process.start()
+            except RuntimeError as error:
+                raise InputError(f"a script's worker processes import it, so it must {GUARD}") from error
             # With this end closed, the death of the process is the end of the pipe.
             self._theirs.close()
 

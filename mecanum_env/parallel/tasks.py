@@ -13,6 +13,8 @@ from mecanum_env.parallel.same_code import require_same_code
 
 MOST_TRIES: Final = 3
 """How often a task is begun at most, if its worker ends without an answer."""
+GUARD: Final = 'begin its work under `if __name__ == "__main__":`'
+"""What a script must do whose work runs in processes: each of them imports the script."""
 
 T = TypeVar("T")
 Tell = Callable[[int, T], object]
@@ -103,7 +105,7 @@ def lost(name: str, how: str) -> WorkerLostError:
     """Return the error of the task with this name, whose worker ended `MOST_TRIES` times; `how` says why."""
     return WorkerLostError(
         f"the task {name} lost its worker process {MOST_TRIES} times ({how}): it crashes its process, or is "
-        "ended for its memory; try fewer --jobs"
+        f"ended for its memory: try fewer --jobs; or a script does not {GUARD}"
     )
 
 

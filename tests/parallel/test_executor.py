@@ -46,6 +46,19 @@ def test_workers_stay_for_further_tasks(task):
     assert os.getpid() not in first
 
 
+def test_a_script_that_would_start_workers_without_end_is_told_what_to_write(tmp_path):
+    """Each worker imports the script, and so begins its work again."""
+    script = tmp_path / "unguarded.py"
+    script.write_text(
+        "from mecanum_env.parallel import Task, Workers, run_tasks\n"
+        "run_tasks([Task('one', print, ('here',))], Workers(jobs=2))\n"
+    )
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False)
+    assert 'begin its work under `if __name__ == "__main__":`' in done.stderr.splitlines()[-1]
+    # Once for each time that the task is begun, and not once more for each worker of a worker.
+    assert done.stderr.count("so it must begin its work under") == 3
+
+
 def test_no_task_needs_no_worker():
     assert run_tasks([], TWO) == []
 

@@ -32,11 +32,12 @@ from mecanum_env.tankendo.vector import TankendoVectorEnv
 from mecanum_env.units import FloatArray
 from training.certify.plants import HELD_OUT, RobotVariant
 from training.certify.variations import certificate_variants
+from training.controllers.features import stack_features
 from training.controllers.interface import Controller
 from training.controllers.mpc import Mpc, Planning
 from training.controllers.named import make_controller
 from training.controllers.oracle import Oracle
-from training.controllers.policy import Network, features, load_policy, policy_path, stack_features
+from training.controllers.policy import Network, load_policy, policy_path
 
 ALSO: Final = ("nominal", "robot-level", "latency+0.1s")
 """Rows that are played beside those that are held out."""
@@ -62,7 +63,7 @@ class NetworkSide:
 
     def act(self, observation: npt.NDArray[np.floating]) -> FloatArray:
         """Return the actions for observations, shape (n, k)."""
-        self._memory = stack_features(self._memory, features(observation), self._network.stack)
+        self._memory = stack_features(self._memory, self._network.features(observation), self._network.stack)
         return self._network.actions(self._memory)
 
 

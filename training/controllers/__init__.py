@@ -19,7 +19,7 @@ scripted           baselines: standing still, random commands, evasion by a scri
 tracking, lqr      keeping a distance: P, Smith predictor; optimal tracking on the identified law
 mpc                plans on the identified law against the strike as it is estimated
 oracle             rehearses the episode on the simulator itself; `dodges` are what it tries
-policy             a trained policy, with NumPy alone
+policy             a trained policy, with NumPy alone; `features` is what its network sees
 compensation       known effects undone around any controller; `drive_inverse` undoes those of the drives
 foresight          a strike planned with what only the simulator knows
 motion_model       the robot's own motion, predicted for many robots

@@ -7,10 +7,7 @@ network and, as JSON, what it was trained for. Nothing in it is pickled.
     controller.reset()
     v, theta, vc = controller.act(observation)  # every 0.1 s
 
-The network sees features of the observation in which a strike stands out: the position of the tip relative
-to its place on guard, and its distance from there. In the raw observation, a sword that is drawn back by
-0.2 m hardly shows beside distances that vary by a metre, and a sword that sinks (do) looks like the opposite
-of one that rises.
+The network sees features of the observation in which a strike stands out (`training.controllers.features`).
 """
 
 from __future__ import annotations
@@ -31,11 +28,10 @@ from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.files import atomic_path
 from mecanum_env.outputs import require_whole
 from mecanum_env.reading import parse_arrays, parse_json, read_bytes
-from mecanum_env.tankendo import Rules, read_observation
+from mecanum_env.tankendo import Rules
 from mecanum_env.tankendo.actions import ActionMode, action_to_command, check_mode
-from mecanum_env.tankendo.constants import GUARD_TIP_M
-from mecanum_env.tankendo.sword import GUARD_HEIGHT_M
 from mecanum_env.units import FloatArray
+from training.controllers.features import EXTRA_FEATURES, KEPT, features, stack_features
 from training.controllers.interface import Command
 
 FORMAT: Final = "mecanum-policy/1"
@@ -45,59 +41,6 @@ _FOLDER: Final = Path(__file__).parent.parent / "policies"
 _HINT: Final = "give policy.npz of a folder that `python -m training.train` wrote"
 _ACTION: Final = 3
 """Size of an action."""
-_KEPT: Final = 10
-"""From this number on an observation (own motion, held command, own place) is kept unchanged."""
-FEATURE_NAMES: Final = (
-    "distance - maai",
-    "bearing",
-    "opponent's relative velocity, ahead",
-    "opponent's relative velocity, left",
-    "tip relative to the opponent, ahead",
-    "tip relative to the opponent, left",
-    "tip's height above guard",
-    "tip's distance from guard",
-    "tip's velocity relative to the opponent, ahead",
-    "tip's velocity relative to the opponent, left",
-    "tip's velocity, up",
-)
-"""The features that replace the numbers before."""
-EXTRA_FEATURES: Final = len(FEATURE_NAMES) - _KEPT
-"""Number of features minus the size of an observation."""
-
-
-def features(observation: npt.NDArray[np.floating], maai_m: float = Rules.maai_m) -> FloatArray:
-    """Return the features, shape (..., k + 1), of one or more observations, shape (..., k), k >= 20."""
-    whole = np.asarray(observation, float)
-    seen = read_observation(whole)
-    tip_x, tip_y = seen.tip_x - seen.opponent_x, seen.tip_y - seen.opponent_y
-    drawn, raised = np.hypot(tip_x, tip_y) - GUARD_TIP_M, seen.tip_height - GUARD_HEIGHT_M
-    own = (
-        np.hypot(seen.opponent_x, seen.opponent_y) - maai_m,
-        np.arctan2(seen.opponent_y, seen.opponent_x),
-        seen.opponent_vx - seen.vx,
-        seen.opponent_vy - seen.vy,
-        tip_x,
-        tip_y,
-        raised,
-        np.hypot(drawn, raised),
-        seen.tip_vx - seen.opponent_vx,
-        seen.tip_vy - seen.opponent_vy,
-        seen.tip_rising,
-    )
-    return np.concatenate([np.stack(own, axis=-1), whole[..., _KEPT:]], axis=-1)
-
-
-def stack_features(memory: FloatArray | None, newest: FloatArray, stack: int) -> FloatArray:
-    """Return the features of the last `stack` observations, oldest first, shape (..., stack * k).
-
-    `newest` are those of the new observation, shape (..., k), and `memory` is the previous result, or None
-    at the start of an episode: then `newest` is repeated.
-    """
-    if memory is None:
-        return np.concatenate([newest] * stack, axis=-1)
-    return np.concatenate([memory[..., newest.shape[-1] :], newest], axis=-1)
-
-
 _ACTIVATIONS: Final[Mapping[str, Callable[[FloatArray], FloatArray]]] = {
     "tanh": np.tanh,
     "relu": lambda x: np.maximum(x, 0.0),
@@ -134,11 +77,22 @@ class Network:
     """Number of observations in x."""
     privileged: int = 0
     """How many numbers that no robot senses follow them: then it is no policy, but the teacher of one."""
+    has_time_to_cut: bool = False
+    """Whether the features of an observation end with `time_to_cut`."""
+
+    @property
+    def feature_count(self) -> int:
+        """Number of features of one observation."""
+        return (len(self.mean) - self.privileged) // self.stack
 
     @property
     def observation_size(self) -> int:
         """Size of one observation."""
-        return (len(self.mean) - self.privileged) // self.stack - EXTRA_FEATURES
+        return self.feature_count - EXTRA_FEATURES - self.has_time_to_cut
+
+    def features(self, observation: npt.NDArray[np.floating], maai_m: float = Rules.maai_m) -> FloatArray:
+        """Return what it sees of one or more observations, shape (..., k): their features, shape (..., f)."""
+        return features(observation, maai_m, has_time_to_cut=self.has_time_to_cut)
 
     def actions(self, stacked: npt.NDArray[np.floating]) -> FloatArray:
         """Return actions within [-1, 1], shape (..., 3), of stacked features, shape (..., stack * k)."""
@@ -180,7 +134,9 @@ class Policy:
                 f"observation of shape {seen.shape}, must be ({size},): this policy was trained for "
                 f"{self.about.get('env', 'another task')}"
             )
-        self._memory = stack_features(self._memory, features(seen, self.maai_m), self.network.stack)
+        self._memory = stack_features(
+            self._memory, self.network.features(seen, self.maai_m), self.network.stack
+        )
         action = self.network.actions(self._memory)
         v, theta, vc = action_to_command(action, self.network.action_mode, self.quantum_rpm)
         return round(float(v)), round(float(theta)), round(float(vc))
@@ -272,7 +228,7 @@ def _try_out(policy: Policy) -> None:
     observation = np.zeros(policy.network.observation_size)
     with np.errstate(over="ignore", invalid="ignore"):
         command = policy.act(observation)
-        action = policy.network.actions(np.tile(features(observation), policy.network.stack))
+        action = policy.network.actions(np.tile(policy.network.features(observation), policy.network.stack))
     policy.reset()
     if not (np.isfinite(action).all() and np.isfinite(command).all()):
         raise ValueError("its first action is not finite")
@@ -280,7 +236,7 @@ def _try_out(policy: Policy) -> None:
 
 def save_policy(path: Path, network: Network, about: Mapping[str, Any]) -> None:
     """Write a policy to an `.npz` file; `about` says in JSON what it was trained for and with."""
-    same = ("clip", "activation", "squashes", "action_mode", "stack", "privileged")
+    same = ("clip", "activation", "squashes", "action_mode", "stack", "privileged", "has_time_to_cut")
     shape = {"format": FORMAT, "layers": len(network.weights)} | {n: getattr(network, n) for n in same}
     arrays: dict[str, Any] = {"mean": network.mean, "scale": network.scale}
     for layer, (weight, bias) in enumerate(zip(network.weights, network.biases, strict=True)):
@@ -297,8 +253,12 @@ def _network(arrays: Mapping[str, npt.NDArray[Any]], about: Mapping[str, Any]) -
     for name, value, least in (*numbers, ("privileged", about.get("privileged", 0), 0)):
         if type(value) is not int or value < least:
             raise InputError(f"{name} = {value!r}, must be a whole number of at least {least}")
-    if not isinstance(about["squashes"], bool):
-        raise InputError(f"squashes = {about['squashes']!r}, must be true or false")
+    for name, given in (
+        ("squashes", about["squashes"]),
+        ("has_time_to_cut", about.get("has_time_to_cut", False)),
+    ):
+        if not isinstance(given, bool):
+            raise InputError(f"{name} = {given!r}, must be true or false")
     for name, array in arrays.items():
         if name != "about" and array.dtype.kind not in "fiu":
             raise InputError(f"{name} holds {array.dtype}, must be real numbers")
@@ -314,6 +274,7 @@ def _network(arrays: Mapping[str, npt.NDArray[Any]], about: Mapping[str, Any]) -
         action_mode=about["action_mode"],
         stack=about["stack"],
         privileged=about.get("privileged", 0),
+        has_time_to_cut=about.get("has_time_to_cut", False),
     )
     check_mode(network.action_mode)
     if network.activation not in _ACTIVATIONS:
@@ -326,7 +287,7 @@ def _network(arrays: Mapping[str, npt.NDArray[Any]], about: Mapping[str, Any]) -
         raise ValueError(f"layers of shapes {shapes} do not fit {len(network.mean)} inputs")
     if not 0.0 < network.clip < math.inf or not np.all(network.scale > 0.0):
         raise ValueError("clip and scale must be above 0")
-    if (len(network.mean) - network.privileged) % network.stack or network.observation_size <= _KEPT:
+    if (len(network.mean) - network.privileged) % network.stack or network.observation_size <= KEPT:
         raise ValueError(f"{len(network.mean)} inputs are no {network.stack} observations")
     if sizes[-1] != _ACTION:
         raise ValueError(f"the last layer has {sizes[-1]} outputs, must be {_ACTION}")

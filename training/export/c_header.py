@@ -12,7 +12,15 @@ from mecanum_env.tankendo.actions import FULL_V_RPM, FULL_VC_RPM, ActionMode
 from mecanum_env.tankendo.constants import GUARD_TIP_M
 from mecanum_env.tankendo.sword import GUARD_HEIGHT_M
 from mecanum_env.units import FloatArray
-from training.controllers.policy import EXTRA_FEATURES, Network, Policy
+from training.controllers.features import (
+    DRAWN_SHARE,
+    FAR_S,
+    LEAST_RATE_PER_S,
+    LEAST_SHARE,
+    WAY_DIRECTIONS,
+    WAY_LENGTHS_M,
+)
+from training.controllers.policy import Network, Policy
 from training.export.contract import LIMITS_OF, Contract, weights_digest
 
 _TEMPLATE: Final = Path(__file__).parent / "policy.h.in"
@@ -29,11 +37,40 @@ _COMMANDS: Final[dict[ActionMode, str]] = {
 }
 """C code that turns an action of each mode into V and theta, as `mecanum_env.tankendo.actions` does."""
 
+_TIME_TO_CUT: Final = """\
+  /* How long the sword still rises, by the way of its tip in the technique that fits best. */
+  static const double ways[$numbers] = {$ways};
+  static const double lengths[$count] = {$lengths};
+  const MECANUM_REAL away = sqrt(tip_x * tip_x + tip_y * tip_y), least = (MECANUM_REAL)1e-6;
+  const MECANUM_REAL drawing = (f[8] * tip_x + f[9] * tip_y) / (away > least ? away : least);
+  int technique = 0;
+  MECANUM_REAL way = 0;
+  for (int i = 0; i < $count; ++i) {
+    const MECANUM_REAL there = drawn * (MECANUM_REAL)ways[2 * i] + raised * (MECANUM_REAL)ways[2 * i + 1];
+    if (i == 0 || there > way) {
+      way = there;
+      technique = i;
+    }
+  }
+  const MECANUM_REAL length = (MECANUM_REAL)lengths[technique];
+  const MECANUM_REAL share = way / length;
+  const MECANUM_REAL rate = (drawing * (MECANUM_REAL)ways[2 * technique] +
+                             f[10] * (MECANUM_REAL)ways[2 * technique + 1]) / length;
+  if (share > (MECANUM_REAL)$least_share && rate > (MECANUM_REAL)$least_rate) {
+    const MECANUM_REAL part = share > 1 ? 1 : share;
+    const MECANUM_REAL elapsed = (MECANUM_REAL)0.5 - sin(asin(1 - 2 * part) / 3);
+    const MECANUM_REAL left = 6 * elapsed * (1 - elapsed) * (1 - elapsed) / rate;
+    f[$place] = left < (MECANUM_REAL)$far ? left : (MECANUM_REAL)$far;
+  } else {
+    f[$place] = share > (MECANUM_REAL)$drawn_share ? 0 : (MECANUM_REAL)$far;
+  }
+"""
+
 
 def c_header(contract: Contract) -> str:
     """Return the text of the header of a contract's policy."""
     policy, network = contract.policy, contract.policy.network
-    size, features = network.observation_size, network.observation_size + EXTRA_FEATURES
+    size, features = network.observation_size, network.feature_count
     arrays = [
         _array("mean", network.mean, "double"),
         _array("scale", network.scale, "double"),
@@ -59,11 +96,29 @@ def c_header(contract: Contract) -> str:
         guard_tip=_real(GUARD_TIP_M),
         guard_height=_real(GUARD_HEIGHT_M),
         maai=_real(policy.maai_m),
+        time_to_cut=_time_to_cut(size) if network.has_time_to_cut else "",
         clip=_real(network.clip),
         arrays="\n".join(arrays),
         layers="\n".join(layers),
         squash=f"tanh({source}[i])" if network.squashes else clipped,
         command=_command(policy),
+    )
+
+
+def _time_to_cut(size: int) -> str:
+    """Return the C code of the last feature, `training.controllers.features.time_to_cut`."""
+    ways = ", ".join(_real(number) for row in WAY_DIRECTIONS.tolist() for number in row)
+    lengths = ", ".join(_real(length) for length in WAY_LENGTHS_M.tolist())
+    return Template(_TIME_TO_CUT).substitute(
+        ways=ways,
+        lengths=lengths,
+        count=len(WAY_LENGTHS_M),
+        numbers=2 * len(WAY_LENGTHS_M),
+        least_share=_real(LEAST_SHARE),
+        least_rate=_real(LEAST_RATE_PER_S),
+        drawn_share=_real(DRAWN_SHARE),
+        far=_real(FAR_S),
+        place=size + 1,
     )
 
 

@@ -23,7 +23,8 @@ from mecanum_env.tankendo import Sensors
 from mecanum_env.tankendo.actions import FULL_V_RPM, FULL_VC_RPM
 from mecanum_env.tankendo.observation import EXTRA_LIMIT, LIMITS, SIZE
 from mecanum_env.units import RAD_S_PER_RPM
-from training.controllers.policy import FEATURE_NAMES, Policy
+from training.controllers.features import FEATURE_NAMES, TIME_TO_CUT
+from training.controllers.policy import Policy
 
 FORMAT: Final = "mecanum-policy-contract/1"
 _PACKAGED: Final = "the packaged model"
@@ -138,7 +139,11 @@ class Contract:
                 "age_s": Sensors.delay_s,
                 "numbers": numbers,
             },
-            "features": [*FEATURE_NAMES, *(one[0] for one in NUMBERS[10:size])],
+            "features": [
+                *FEATURE_NAMES,
+                *(one[0] for one in NUMBERS[10:size]),
+                *([TIME_TO_CUT] if network.has_time_to_cut else []),
+            ],
             "maai_m": self.policy.maai_m,
             "scaling": {
                 "formula": "clip((features - mean) / scale, -clip, clip)",

@@ -17,7 +17,14 @@ from mecanum_env.errors import BackendError, install_command
 from mecanum_env.tankendo.actions import FULL_V_RPM, FULL_VC_RPM
 from mecanum_env.tankendo.constants import GUARD_TIP_M
 from mecanum_env.tankendo.sword import GUARD_HEIGHT_M
-from training.controllers.policy import EXTRA_FEATURES
+from training.controllers.features import (
+    DRAWN_SHARE,
+    FAR_S,
+    LEAST_RATE_PER_S,
+    LEAST_SHARE,
+    WAY_DIRECTIONS,
+    WAY_LENGTHS_M,
+)
 from training.export.contract import Contract
 
 if TYPE_CHECKING:
@@ -141,9 +148,62 @@ def _stacked(graph: _Graph, contract: Contract) -> str:
         minus(o[8], o[3]),
         o[9],
     ]
-    features = graph.add("Concat", [*own, graph.take(whole, 10, size)], axis=-1)
-    flat = graph.constant([-1, network.stack * (size + EXTRA_FEATURES)], np.int64)
+    own.append(graph.take(whole, 10, size))
+    if network.has_time_to_cut:
+        own.append(_time_to_cut(graph, (tip_x, tip_y), (drawn, raised), (own[8], own[9], own[10])))
+    features = graph.add("Concat", own, axis=-1)
+    flat = graph.constant([-1, network.stack * network.feature_count], np.int64)
     return graph.add("Reshape", [features, flat])
+
+
+def _time_to_cut(
+    graph: _Graph, tip: tuple[str, str], place: tuple[str, str], velocity: tuple[str, str, str]
+) -> str:
+    """Return the last feature, `training.controllers.features.time_to_cut`.
+
+    Args:
+        graph: what it is added to.
+        tip: where the tip is, relative to the opponent, along x and y.
+        place: how far it is drawn away from guard, and up.
+        velocity: its velocity relative to the opponent, along x and y, and up.
+    """
+
+    def calculated(kind: str, first: str | float, second: str | float) -> str:
+        ends = [one if isinstance(one, str) else graph.constant(one) for one in (first, second)]
+        return graph.add(kind, ends)
+
+    along = graph.add(
+        "Add", [graph.add("Mul", [velocity[0], tip[0]]), graph.add("Mul", [velocity[1], tip[1]])]
+    )
+    drawing = graph.add("Div", [along, calculated("Max", graph.length(*tip), 1e-6)])
+    directions = graph.constant(WAY_DIRECTIONS.T)
+    lengths = graph.constant(WAY_LENGTHS_M)
+    ways = graph.add("MatMul", [graph.add("Concat", list(place), axis=-1), directions])
+    rates = graph.add("MatMul", [graph.add("Concat", [drawing, velocity[2]], axis=-1), directions])
+    technique = graph.add("ArgMax", [ways], axis=-1, keepdims=1)
+    share, rate = (
+        graph.add("GatherElements", [graph.add("Div", [one, lengths]), technique], axis=-1)
+        for one in (ways, rates)
+    )
+    # The arc sine of x is the angle of (sqrt(1 - x^2), x).
+    x = calculated(
+        "Sub", 1.0, calculated("Mul", 2.0, graph.add("Clip", [share, *map(graph.constant, (0.0, 1.0))]))
+    )
+    beside = graph.add("Sqrt", [calculated("Max", 0.0, calculated("Sub", 1.0, graph.add("Mul", [x, x])))])
+    third = calculated("Div", graph.angle(x, beside), 3.0)
+    elapsed = calculated("Sub", 0.5, graph.add("Sin", [third]))
+    rest = calculated("Sub", 1.0, elapsed)
+    rises = graph.add(
+        "And",
+        [calculated("Greater", share, LEAST_SHARE), calculated("Greater", rate, LEAST_RATE_PER_S)],
+    )
+    numerator = calculated("Mul", 6.0, graph.add("Mul", [elapsed, graph.add("Mul", [rest, rest])]))
+    left = graph.add("Div", [numerator, graph.add("Where", [rises, rate, graph.constant(1.0)])])
+    still = graph.add(
+        "Where", [calculated("Greater", share, DRAWN_SHARE), graph.constant(0.0), graph.constant(FAR_S)]
+    )
+    near = graph.add("Clip", [left, *map(graph.constant, (0.0, FAR_S))])
+    return graph.add("Where", [rises, near, still])
 
 
 def _network(graph: _Graph, contract: Contract, stacked: str) -> str:

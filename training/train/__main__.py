@@ -52,6 +52,7 @@ def main(
     device: Device = TrainingSettings.device,
     action_mode: ActionMode = TrainingSettings.action_mode,
     stack: int = TrainingSettings.stack,
+    time_to_cut: bool = TrainingSettings.time_to_cut,
     checkpoint_every: int = TrainingSettings.checkpoint_every,
     reward_weights: dict[str, float] | None = None,
     margin_weight: float = TrainingSettings.margin_weight,
@@ -98,6 +99,7 @@ def main(
         device: Where the networks learn: cpu, or cuda.
         action_mode: Meaning of an action: cartesian, polar or command.
         stack: Number of observations that the policy sees.
+        time_to_cut: Let it also see how long the sword will still rise, as computed from its tip.
         checkpoint_every: Steps between two checkpoints.
         reward_weights: Weights of the reward by name; by default waiting 0.05 out 5.
         margin_weight: Weight of the margin by which a strike misses, in the reward.
@@ -132,6 +134,7 @@ def main(
         device=device,
         action_mode=action_mode,
         stack=stack,
+        time_to_cut=time_to_cut,
         checkpoint_every=checkpoint_every,
         margin_weight=margin_weight,
         ppo=ppo,

@@ -106,6 +106,9 @@ def teacher_of(name: str, settings: TrainingSettings) -> Network:
             f"student sees {settings.stack} and acts in {settings.action_mode}; give at least as long a "
             "--stack, and the same --action-mode"
         )
+    if network.has_time_to_cut != settings.time_to_cut:
+        sees = "sees" if network.has_time_to_cut else "does not see"
+        raise InputError(f"teacher {name}: {sees} the time to the cut; give its student the same")
     return network
 
 
@@ -142,4 +145,5 @@ def network_of(agent: BaseAlgorithm, normaliser: VecNormalize, settings: Trainin
         action_mode=settings.action_mode,
         stack=settings.stack,
         privileged=PRIVILEGED if settings.privileged == "both" else 0,
+        has_time_to_cut=settings.time_to_cut,
     )

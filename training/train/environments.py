@@ -126,7 +126,12 @@ class Rows:
         """Return them with the policy's memory."""
         natives = native_envs(self.settings, 0, self.numbers)
         env = TankendoVecEnv(*natives, margin_weight=self.settings.margin_weight)
-        return StackedVecEnv(env, self.settings.stack, privileged=self.settings.privileged != "none")
+        return StackedVecEnv(
+            env,
+            self.settings.stack,
+            has_time_to_cut=self.settings.time_to_cut,
+            privileged=self.settings.privileged != "none",
+        )
 
     def renew(self, env: VecEnv, steps_done: int) -> None:
         """Give `env` opponents and robots of the part of the training after `steps_done`; then reset it."""

@@ -22,9 +22,10 @@ import torch
 from mecanum_env.tankendo.actions import FULL_V_RPM, FULL_VC_RPM, action_to_command
 from mecanum_env.tankendo.vector import TankendoVectorEnv
 from mecanum_env.units import FloatArray
+from training.controllers.features import features, stack_features
 from training.controllers.interface import Command
 from training.controllers.mpc import Mpc
-from training.controllers.policy import Network, features, stack_features
+from training.controllers.policy import Network
 from training.train.environments import model_of, opponents_of, senses_of
 from training.train.mirror import ACTION_SIGNS, FEATURE_SIGNS
 from training.train.robots import varied_models

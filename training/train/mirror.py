@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from mecanum_env.units import FloatArray
-from training.controllers.policy import FEATURE_NAMES
+from training.controllers.features import FEATURE_NAMES
 
 _ODD_FEATURES: Final = (
     "bearing",

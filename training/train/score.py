@@ -12,7 +12,7 @@ from mecanum_env.model import Model
 from mecanum_env.tankendo.actions import ActionMode
 from mecanum_env.tankendo.vector import TankendoVectorEnv
 from mecanum_env.units import FloatArray
-from training.controllers.policy import features, stack_features
+from training.controllers.features import stack_features
 from training.train.privileged import Privileged
 
 
@@ -30,6 +30,9 @@ class Actor(Protocol):
     @property
     def action_mode(self) -> ActionMode:
         """Meaning of an action."""
+
+    def features(self, observation: npt.NDArray[np.floating]) -> FloatArray:
+        """Return what it sees of observations, shape (n, k): their features, shape (n, f)."""
 
     def actions(self, stacked: FloatArray) -> FloatArray:
         """Return actions, shape (n, 3), of stacked features, shape (n, stack * k)."""
@@ -69,7 +72,7 @@ def _played(
     watcher = Privileged(arena) if network.privileged else None
     won, over = np.zeros(len(seeds), bool), np.zeros(len(seeds), bool)
     while not over.all():
-        memory = stack_features(memory, features(observation), network.stack)
+        memory = stack_features(memory, network.features(observation), network.stack)
         # The rows of episodes that are over go on; what they do no longer counts.
         seen = memory if watcher is None else np.concatenate([memory, watcher.numbers()], axis=-1)
         step = arena.step(network.actions(seen))

@@ -157,6 +157,9 @@ class TrainingSettings:
     action_mode: ActionMode = "cartesian"
     stack: int = 2
     """Number of observations, 0.1 s apart, that the policy sees."""
+    time_to_cut: bool = False
+    """Whether it also sees how long the sword will still rise, by place and velocity of its tip
+    (`training.controllers.features`)."""
     checkpoint_every: int = 250_000
     """Steps between two checkpoints, at each of which all environments begin anew."""
     reward_weights: Mapping[str, float] = field(default_factory=lambda: {"waiting": 0.05, "out": 5.0})
@@ -278,7 +281,8 @@ def command_line(settings: TrainingSettings, folder: str) -> str:
                 if own != usual[name][key]:
                     words += [f"--{name}.{key}".replace("_", "-"), *_words(own)]
         elif value != usual[name]:
-            words += [f"--{name}".replace("_", "-"), *_words(value)]
+            # A flag has no value.
+            words += [f"--{name}".replace("_", "-"), *([] if value is True else _words(value))]
     return shlex.join(words)
 
 

@@ -15,7 +15,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.utils import obs_as_tensor
 from stable_baselines3.common.vec_env import VecNormalize
 
-from training.controllers.policy import EXTRA_FEATURES, Network
+from training.controllers.policy import Network
 
 _TAUGHT_COUNT: Final = 1e6
 """Number of observations that a teacher's normalisation counts as: it must change slowly, or the weights
@@ -35,7 +35,7 @@ class TaughtPpo(PPO):  # type: ignore[misc]
     ) -> None:
         self._teacher, self._teacher_steps = teacher, teacher_steps
         # The newest observations are the last of the features, and what is privileged follows them.
-        first = features - teacher.stack * (teacher.observation_size + EXTRA_FEATURES)
+        first = features - teacher.stack * teacher.feature_count
         self._shown = slice(first, features + teacher.privileged)
         super().__init__(*args, **kwargs)
 

@@ -7,6 +7,7 @@ what it alone may see.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 from typing import Any, Final
 
 import gymnasium
@@ -17,7 +18,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
 from mecanum_env.errors import InputError
 from mecanum_env.tankendo.vector import TankendoVectorEnv
-from training.controllers.policy import EXTRA_FEATURES, features, stack_features
+from training.controllers.features import EXTRA_FEATURES, features, stack_features
 from training.train.privileged import PRIVILEGED, Privileged
 
 Array = npt.NDArray[Any]
@@ -134,22 +135,27 @@ class StackedVecEnv(VecEnvWrapper):  # type: ignore[misc]
     Args:
         env: an environment with observations of shape (k,).
         stack: number of observations.
+        has_time_to_cut: whether the features of an observation end with the time to the cut.
         privileged: whether the numbers of `training.train.privileged` follow, for the critic; `env` must then
             be a `TankendoVecEnv`.
     """
 
-    def __init__(self, env: VecEnv, stack: int, *, privileged: bool = False) -> None:
-        size = stack * (env.observation_space.shape[0] + EXTRA_FEATURES) + privileged * PRIVILEGED
+    def __init__(
+        self, env: VecEnv, stack: int, *, has_time_to_cut: bool = False, privileged: bool = False
+    ) -> None:
+        features_of_one = env.observation_space.shape[0] + EXTRA_FEATURES + has_time_to_cut
+        size = stack * features_of_one + privileged * PRIVILEGED
         super().__init__(env, gymnasium.spaces.Box(-np.inf, np.inf, (size,), np.float32))
         self._stack, self._privileged = stack, privileged
+        self._features = partial(features, has_time_to_cut=has_time_to_cut)
         self._memory: Array = np.zeros(0)
         self._watchers: list[Privileged] = []
         self._last: Array = np.zeros(0)
 
     def reset(self) -> Array:
-        """Begin an episode everywhere; return the first features, shape (num_envs, stack * (k + 1) + p)."""
+        """Begin an episode everywhere; return the first features, shape (num_envs, stack * f + p)."""
         observation = self.venv.reset()
-        self._memory = stack_features(None, features(observation), self._stack)
+        self._memory = stack_features(None, self._features(observation), self._stack)
         if self._privileged:
             self._watchers = [Privileged(env.arena) for env in self.venv.envs]
         return self._with_privileged(self._memory)
@@ -157,11 +163,11 @@ class StackedVecEnv(VecEnvWrapper):  # type: ignore[misc]
     def step_wait(self) -> tuple[Array, Array, Array, list[dict[str, Any]]]:
         """Step; return features, rewards, ends and infos."""
         observation, reward, done, infos = self.venv.step_wait()
-        newest = features(observation)
+        newest = self._features(observation)
         memory = stack_features(self._memory, newest, self._stack)
         over = np.flatnonzero(done)
         if over.size:
-            last = features(np.stack([infos[row]["terminal_observation"] for row in over.tolist()]))
+            last = self._features(np.stack([infos[row]["terminal_observation"] for row in over.tolist()]))
             ended = stack_features(self._memory[over], last, self._stack)
             if self._privileged:
                 # The episode's last privileged numbers are gone; only a time limit needs them.

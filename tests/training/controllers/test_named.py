@@ -16,10 +16,11 @@ from mecanum_env.tankendo.constants import GUARD_TIP_M
 from mecanum_env.tankendo.observation import LIMITS
 from mecanum_env.tankendo.sword import GUARD_HEIGHT_M
 from mecanum_env.tankendo.vector import TankendoVectorEnv
+from training.controllers.features import features
 from training.controllers.interface import twist_command
 from training.controllers.mpc import Planning
 from training.controllers.named import CONTROLLERS, SUFFIX, make_controller
-from training.controllers.policy import bundled, features, policy_names, policy_path
+from training.controllers.policy import bundled, policy_names, policy_path
 
 # The oracle needs a simulator; trained policies have tests of their own.
 EVERYWHERE = [name for name in CONTROLLERS if name not in ("oracle", "policy")]

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from mecanum_env.tankendo.observation import LIMITS
-from training.controllers.policy import EXTRA_FEATURES, Network, bundled, load_policy, save_policy
+from training.controllers.features import EXTRA_FEATURES
+from training.controllers.policy import Network, bundled, load_policy, save_policy
 from training.export import export_policy
 
 OBSERVATIONS = 1000
-KINDS = ("robust", "tanh, polar", "relu, command, three in the stack", "duel")
+KINDS = ("robust", "tanh, polar", "relu, command, three in the stack", "duel", "time to cut")
 
 
 @dataclass(frozen=True)
@@ -25,9 +26,11 @@ class Exported:
     stack: int
 
 
-def small_network(mode: str, activation: str, stack: int, size: int) -> Network:
+def small_network(
+    mode: str, activation: str, stack: int, size: int, *, has_time_to_cut: bool = False
+) -> Network:
     rng = np.random.default_rng(7)
-    inputs = stack * (size + EXTRA_FEATURES)
+    inputs = stack * (size + EXTRA_FEATURES + has_time_to_cut)
     sizes = (inputs, 24, 16, 3)
     layers = list(zip(sizes[1:], sizes[:-1], strict=True))
     return Network(
@@ -40,6 +43,7 @@ def small_network(mode: str, activation: str, stack: int, size: int) -> Network:
         squashes=activation == "relu",
         action_mode=mode,
         stack=stack,
+        has_time_to_cut=has_time_to_cut,
     )
 
 
@@ -50,6 +54,7 @@ def policy_file(kind: str, folder: Path) -> Path:
         "tanh, polar": small_network("polar", "tanh", 1, 20),
         "relu, command, three in the stack": small_network("command", "relu", 3, 20),
         "duel": small_network("cartesian", "tanh", 2, 23),
+        "time to cut": small_network("cartesian", "tanh", 2, 20, has_time_to_cut=True),
     }[kind]
     save_policy(folder / "policy.npz", network, {"env": "a test"})
     return folder / "policy.npz"

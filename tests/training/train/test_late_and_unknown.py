@@ -12,8 +12,9 @@ from mecanum_env.effects.apply import drive_parameters
 from mecanum_env.errors import InputError
 from mecanum_env.senses import VariedSenses
 from mecanum_env.tankendo import Observed
+from training.controllers.features import features
 from training.controllers.mpc import Mpc
-from training.controllers.policy import features, load_network, load_policy
+from training.controllers.policy import load_network, load_policy
 from training.train import planned
 from training.train.agent import make_agent, network_of
 from training.train.checkpoint import read_run
@@ -163,6 +164,22 @@ def test_a_teacher_that_sees_more_is_no_policy_and_teaches_one(tmp_path):
         make_agent(replace(taught, privileged="none"), training_env(replace(taught, privileged="none")))
     with pytest.raises(InputError, match="give at least as long a --stack"):
         make_agent(replace(taught, stack=1), training_env(replace(taught, stack=1)))
+
+
+def test_a_policy_that_is_trained_with_the_time_to_the_cut_sees_it(tmp_path):
+    settings = replace(SMALL, time_to_cut=True, senses="off")
+    env = training_env(settings).venv.venv
+    plain = training_env(replace(settings, time_to_cut=False)).venv.venv
+    seen, without = env.reset(), plain.reset()
+    each = (without.shape[1] - PRIVILEGED) // 3
+    assert seen.shape[1] == without.shape[1] + 3
+    # On guard, at the start of an episode.
+    np.testing.assert_array_equal(seen[:, each], np.float32(0.6))
+    train_policy(settings, tmp_path / "run", development_seeds=WATCH, quiet=True)
+    network = load_policy(tmp_path / "run").network
+    assert (network.has_time_to_cut, network.observation_size) == (True, 20)
+    with pytest.raises(InputError, match="does not see the time to the cut"):
+        make_agent(replace(settings, teacher="robust"), training_env(settings))
 
 
 def test_the_score_is_that_of_the_episodes_one_by_one(paper):

@@ -14,17 +14,8 @@ from mecanum_env.model import paper_model
 from mecanum_env.tankendo.actions import action_to_command
 from mecanum_env.tankendo.constants import GUARD_TIP_M
 from mecanum_env.tankendo.sword import GUARD_HEIGHT_M
-from training.controllers.policy import (
-    EXTRA_FEATURES,
-    FEATURE_NAMES,
-    Network,
-    Policy,
-    bundled,
-    features,
-    load_policy,
-    save_policy,
-    stack_features,
-)
+from training.controllers.features import EXTRA_FEATURES, FEATURE_NAMES, features, stack_features
+from training.controllers.policy import Network, Policy, bundled, load_policy, save_policy
 from training.evaluate import Setup, evaluate_controller
 
 BUNDLED = sorted(bundled().parent.glob("*.npz"))
@@ -92,6 +83,18 @@ def test_a_robot_needs_no_torch():
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+def test_a_file_says_whether_its_network_sees_the_time_to_the_cut(network, tmp_path):
+    seeing = replace(network, mean=np.zeros(44), scale=np.ones(44), has_time_to_cut=True)
+    seeing = replace(seeing, weights=(np.ones((7, 44)), *network.weights[1:]))
+    save_policy(tmp_path / "policy.npz", seeing, {})
+    assert load_policy(tmp_path / "policy.npz").network.has_time_to_cut
+    assert load_policy(tmp_path / "policy.npz").network.observation_size == 20
+    assert not load_policy(bundled("robust")).network.has_time_to_cut
+    save_policy(tmp_path / "policy.npz", replace(seeing, has_time_to_cut=2), {})
+    with pytest.raises(InputError, match="has_time_to_cut = 2, must be true or false"):
+        load_policy(tmp_path / "policy.npz")
 
 
 def test_an_observation_of_another_task_is_refused(network):

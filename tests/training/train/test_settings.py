@@ -121,7 +121,7 @@ def test_training_never_meets_an_episode_of_an_evaluation():
 
 
 def test_a_run_names_the_command_that_repeats_it(tmp_path, monkeypatch):
-    settings = replace(SMALL, seed=3, reward_weights={"hit": 2.0}, randomize="levels")
+    settings = replace(SMALL, seed=3, reward_weights={"hit": 2.0}, randomize="levels", time_to_cut=True)
     begun = []
 
     def begin(*given):

@@ -3,8 +3,9 @@
 Its parameters stay within the ranges of people (`mecanum_env.tankendo.opponents.PARAMETERS`); it may also
 keep to one technique. The search is the cross-entropy method (R. Rubinstein, "The cross-entropy method for
 combinatorial and continuous optimization", Methodology and Computing in Applied Probability 1, 1999):
-candidates are drawn around a centre, play a few episodes each, and the centre and its spread become those of
-the best. Candidates of a generation play the same seeds, which no other row has.
+candidates play a few episodes each, and the next ones are drawn around the centre of the best, with their
+spread. The first generation is large: what beats a controller is often a small part of twenty ranges, which
+few candidates miss by chance. Candidates of a generation play the same seeds, which no other row has.
 """
 
 from __future__ import annotations
@@ -24,25 +25,30 @@ from training.evaluate.play import Progress
 FIRST_SEED: Final = 300_000
 """Seed of the first episode of a search."""
 _START_SPREAD, _LEAST_SPREAD = 0.35, 0.08
-"""Standard deviation of the candidates at first, and at least, as a share of each range."""
+"""Standard deviation of the candidates at first, and at least, as a share of each range. Of the first ones
+three numbers in twenty are drawn beyond an end of their range, and so lie at it."""
 
 
 @dataclass(frozen=True)
 class Search:
     """How long an adversary is searched."""
 
+    first: int = 128
+    """Opponents of the first generation."""
     generations: int = 4
-    candidates: int = 16
-    """Opponents of each generation."""
-    best: int = 4
+    candidates: int = 24
+    """Opponents of each further generation."""
+    best: int = 8
     """How many of them the next generation is drawn around."""
     episodes: int = 20
     """Episodes of each candidate; those of the last generation's best play twice as many anew."""
+    seed: int = 0
+    """Seed of the candidates."""
 
     @property
     def total(self) -> int:
         """Number of episodes that a search plays."""
-        return (self.generations * self.candidates + 2 * self.best) * self.episodes
+        return (self.first + (self.generations - 1) * self.candidates + 2 * self.best) * self.episodes
 
 
 def size_of_search() -> int:
@@ -94,8 +100,7 @@ def worst_opponent(
         workers: where the episodes are played, which does not change the result.
         progress: called with the name of what was played and the number of episodes.
     """
-    rng = np.random.default_rng(0)
-    centre, spread = np.full(size_of_search(), 0.5), np.full(size_of_search(), _START_SPREAD)
+    rng = np.random.default_rng(search.seed)
 
     def successes(points: FloatArray, first_seed: int, episodes: int) -> FloatArray:
         jobs = {
@@ -111,14 +116,20 @@ def worst_opponent(
         played = play_jobs(jobs, workers, progress)
         return np.array([played[key].success.value for key in jobs])
 
-    seed = FIRST_SEED
-    for _ in range(search.generations):
-        points = centre + spread * rng.standard_normal((search.candidates, len(centre)))
-        points = np.clip(points, 0.0, 1.0)
-        order = np.argsort(successes(points, seed, search.episodes), kind="stable")
-        elite = points[order[: search.best]]
-        centre, spread = elite.mean(axis=0), np.maximum(elite.std(axis=0), _LEAST_SPREAD)
-        seed += search.episodes
+    def around(centre: FloatArray, spread: FloatArray, count: int) -> FloatArray:
+        drawn = rng.standard_normal((count, len(centre)))
+        return np.asarray(np.clip(centre + spread * drawn, 0.0, 1.0))
+
+    def best_of(points: FloatArray, generation: int) -> FloatArray:
+        found = successes(points, FIRST_SEED + generation * search.episodes, search.episodes)
+        best: FloatArray = points[np.argsort(found, kind="stable")[: search.best]]
+        return best
+
+    middle, wide = np.full(size_of_search(), 0.5), np.full(size_of_search(), _START_SPREAD)
+    elite = best_of(around(middle, wide, search.first), 0)
+    for generation in range(1, search.generations):
+        spread = np.maximum(elite.std(axis=0), _LEAST_SPREAD)
+        elite = best_of(around(elite.mean(axis=0), spread, search.candidates), generation)
     # A candidate of few episodes may just have been lucky.
-    again = successes(elite, seed, 2 * search.episodes)
+    again = successes(elite, FIRST_SEED + search.generations * search.episodes, 2 * search.episodes)
     return opponent_at(elite[int(np.argmin(again))], base)

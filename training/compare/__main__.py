@@ -37,7 +37,7 @@ def main(
         model: Model file of the robot; by default the packaged one.
         episodes: Number of episodes per controller and setting, with the seeds 0, 1, ...
         rollers: Play on rollers too, which takes most of the time.
-        adversary: Also search an opponent against each controller, which takes 1,440 episodes.
+        adversary: Also search an opponent against each controller, which takes 4,320 episodes.
         bound: Also play the oracle on every planar plant, for what could be won at best.
         workers: Where the episodes are played.
         out: File for the results (.json).

@@ -63,7 +63,7 @@ def test_rollers_are_a_setting_of_their_own(paper):
 
 
 def test_an_adversary_is_that_of_a_certificate(paper):
-    here, search = Workers(jobs=1), Search(generations=1, candidates=2, best=1, episodes=2)
+    here, search = Workers(jobs=1), Search(first=2, generations=1, candidates=2, best=1, episodes=2)
     row = compare_controllers(
         ["retreat"], paper, episodes=2, rollers=False, search=search, bound=False, workers=here
     ).rows[0]

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Final, Protocol
 
@@ -161,6 +162,7 @@ def main(
     controllers: tuple[str, ...] = ("told", "mpc", "creep", "varied"),
     episodes: int = 100,
     rows: tuple[str, ...] = (),
+    warnings: tuple[float, ...] = (),
     out: Path = Path("out/bench/reachable.json"),
 ) -> None:
     """Play controllers on the held-out rows of a certificate, and divide their failures.
@@ -169,12 +171,18 @@ def main(
         controllers: told, oracle, names of controllers or bundled policies, or files of policies.
         episodes: Number of episodes of each row, with the seeds 0, 1, ...
         rows: Rows to play; by default those held out, the nominal one, and the slow and the late robot.
+        warnings: Warning times [s] with each of which the nominal row is played, too.
         out: JSON file to write.
     """
+    usual = opponent_for("normal")
+    known = certificate_variants(paper_model(), "planar", usual)
     chosen = [
-        one
-        for one in certificate_variants(paper_model(), "planar", opponent_for("normal"))
-        if (one.name in rows if rows else one.group == HELD_OUT or one.name in ALSO)
+        one for one in known if (one.name in rows if rows else one.group == HELD_OUT or one.name in ALSO)
+    ]
+    nominal = next(one for one in known if one.name == "nominal")
+    chosen += [
+        replace(nominal, name=f"warning {one:.2f} s", opponent=replace(usual, warning_s=(one, one)))
+        for one in warnings
     ]
     found: dict[str, dict[str, dict[str, int]]] = {}
     for name in controllers:

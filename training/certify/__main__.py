@@ -40,9 +40,9 @@ def main(
 
     Args:
         controller: Name of a controller (random, still, p, smith, lqr, retreat, sidestep, creep, mpc, oracle)
-            or of a bundled policy (nominal, planned, predicting, robust, varied; policy is predicting), or
-            the file or folder of a trained one; followed by +compensated: with the model's effects
-            compensated.
+            or of a bundled policy (nominal, planned, predicting, robust, timing, varied; policy is
+            predicting), or the file or folder of a trained one; followed by +compensated: with the model's
+            effects compensated.
         model: Model file of the robot; by default the packaged one.
         episodes: Number of episodes per plant, with the seeds 0, 1, ...
         plants: Plants or groups of plants (nominal, effects, posterior, robot-level, latency, what-if,

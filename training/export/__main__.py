@@ -24,8 +24,8 @@ def export(
     Example: python -m training.export robust --out out/export
 
     Args:
-        policy: A bundled policy (nominal, planned, predicting, robust, varied), or the file or folder of a
-            trained one.
+        policy: A bundled policy (nominal, planned, predicting, robust, timing, varied), or the file or folder
+            of a trained one.
         out: Folder to write.
         model: Model of the robot that it was trained on; by default the one that the policy names.
         formats: c leaves out policy.onnx, which needs the extra onnx.

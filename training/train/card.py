@@ -91,7 +91,8 @@ def card(name: str, policy: Policy, rows: list[Row], command: str) -> str:
         + _ROBOTS[settings["randomize"]],
         "algorithm": f"{about.get('method', settings['algo'].upper())}, seed {settings['seed']}, "
         f"{about['steps_done']:,} steps",
-        "network": f"last {network.stack} observations, normalised; layers "
+        "network": f"last {network.stack} observations"
+        f"{', with the time to the cut' if network.has_time_to_cut else ''}, normalised; layers "
         f"{', '.join(map(str, algorithm['layers']))}, {network.activation}; {weights:,} weights",
         "output": f"{network.action_mode}: whole numbers V, theta, VC, ten times a second",
         "trained with": ", then ".join(f"`{command}`" for command in about["commands"]),

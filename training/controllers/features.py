@@ -40,8 +40,8 @@ TIME_TO_CUT: Final = "time to cut"
 FAR_S: Final = 0.6
 """The time to the cut is at most this [s], and this while the sword does not rise. An evasion takes less."""
 LEAST_SHARE, LEAST_RATE_PER_S, DRAWN_SHARE = 0.02, 0.1, 0.9
-"""The sword rises from this share of its way on, and with this rate [1/s], which the sensors' noise reaches;
-slower beyond the last share of its way, it is drawn."""
+"""The sword rises from the first share of its way on, if at least with this rate [1/s]: the sensors' noise
+seldom reaches both. Slower, and beyond the last share, it is drawn. The techniques are taken as known."""
 _WAYS = np.array(
     [(one.raised_tip_m - GUARD_TIP_M, one.raised_height_m - GUARD_HEIGHT_M) for one in TECHNIQUES]
 )

@@ -109,6 +109,8 @@ class _Worker:
             try:
                 self.process.start()
             except RuntimeError as error:
+                if "bootstrapping" not in str(error):
+                    raise
                 raise InputError(f"a script's worker processes import it, so it must {GUARD}") from error
             # With this end closed, the death of the process is the end of the pipe.
             self._theirs.close()

@@ -105,9 +105,7 @@ def play_league(settings: LeagueSettings) -> League:
     )
     world = DuelVecEnv(settings.envs, league.makers, _TRAINING_SEED + settings.seed, reward_weights=_REWARD)
     normaliser = VecNormalize(
-        VecMonitor(StackedVecEnv(world, training.stack, has_time_to_cut=training.time_to_cut)),
-        gamma=training.ppo.gamma,
-        clip_obs=10.0,
+        VecMonitor(StackedVecEnv(world, training.stack)), gamma=training.ppo.gamma, clip_obs=10.0
     )
     agent = make_agent(training, normaliser)
     # `learn` knows the steps until the end of a generation; the learning rate falls over those of all.

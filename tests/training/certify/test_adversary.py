@@ -58,7 +58,7 @@ def test_a_certificate_has_a_row_of_it_that_the_worst_plant_leaves_out(paper):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["retreat", "predicting"])
 def test_what_it_finds_hardly_depends_on_its_seed(paper, name):
-    """With half as many candidates at first, and four of them in place of eight, the seed decided."""
+    """With 16 candidates at first, of which four decided where the next ones lie, it did."""
     setup, left = Setup(paper), []
     for seed in range(3):
         opponent = worst_opponent(name, setup, Opponent(), Search(seed=seed), Workers(jobs=2))

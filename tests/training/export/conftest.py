@@ -6,8 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mecanum_env.tankendo.constants import GUARD_TIP_M
 from mecanum_env.tankendo.observation import LIMITS
-from training.controllers.features import EXTRA_FEATURES
+from mecanum_env.tankendo.sword import GUARD_HEIGHT_M
+from training.controllers.features import EXTRA_FEATURES, FAR_S, WAY_DIRECTIONS, WAY_LENGTHS_M, time_to_cut
 from training.controllers.policy import Network, bundled, load_policy, save_policy
 from training.export import export_policy
 
@@ -60,6 +62,19 @@ def policy_file(kind: str, folder: Path) -> Path:
     return folder / "policy.npz"
 
 
+def raise_swords(seen: np.ndarray, rng: np.random.Generator) -> None:
+    """Let the opponents of observations (n, k) draw their swords, somewhere on the way and at some rate."""
+    ways = (WAY_DIRECTIONS * WAY_LENGTHS_M[:, None])[rng.integers(len(WAY_LENGTHS_M), size=len(seen))]
+    share, rate = rng.uniform(0.05, 0.95, len(seen)), rng.uniform(1.0, 8.0, len(seen))
+    towards = -seen[:, :2] / np.linalg.norm(seen[:, :2], axis=1, keepdims=True)
+    seen[:, 4:6] = seen[:, :2] + (GUARD_TIP_M + share * ways[:, 0])[:, None] * towards
+    seen[:, 6] = GUARD_HEIGHT_M + share * ways[:, 1]
+    seen[:, 7:9] = seen[:, 2:4] + (rate * ways[:, 0])[:, None] * towards
+    seen[:, 9] = rate * ways[:, 1]
+    left = time_to_cut(seen)
+    assert np.mean((left > 0.0) & (left < FAR_S)) > 0.7
+
+
 @pytest.fixture(scope="module", params=KINDS)
 def exported(request, tmp_path_factory):
     """Return each kind of policy, exported, with what it does on a thousand observations."""
@@ -75,9 +90,12 @@ def exported(request, tmp_path_factory):
     size = policy.network.observation_size
     rng = np.random.default_rng(3)
     limits = np.concatenate([LIMITS, np.full(size - len(LIMITS), 2.0)])
-    # Half of them as in a fight, the others anywhere within the limits of the sensors.
+    # Half of them as in a fight, the others anywhere within the limits of the sensors; of the first, every
+    # second one with a sword that rises.
     spread = np.where(np.arange(OBSERVATIONS)[:, None] % 2, limits, np.minimum(limits, 1.5))
-    seen = (rng.uniform(-1.0, 1.0, (OBSERVATIONS, size)) * spread).astype(np.float32).astype(float)
+    seen = rng.uniform(-1.0, 1.0, (OBSERVATIONS, size)) * spread
+    raise_swords(seen[::4], rng)
+    seen = seen.astype(np.float32).astype(float)
     actions, commands = [], []
     for one in seen:
         commands.append(policy.act(one))

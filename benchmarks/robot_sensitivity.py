@@ -140,7 +140,8 @@ def page(seed: int, which: Literal["same", "other"], folder: Path) -> Iterator[s
     yield markdown_table(
         ("changed", "signal", "found", "now", "that is", "smallest detectable", "study"), rows
     )
-    yield f"Right: {sum(row[4] in ('right', 'quiet') for row in rows)} of {len(rows)}."
+    found = sum(row[4] in ("right", "rightly ambiguous", "quiet") for row in rows)
+    yield f"Right or rightly ambiguous: {found} of {len(rows)}."
 
 
 def _plan(seed: int, robot: Robot, which: Literal["same", "other"]) -> Driven:

@@ -17,6 +17,7 @@ from mecanum_env.model import Model
 from sysid.compare.least_squares import ResidualProblem
 from sysid.compare.model_error import (
     ModelError,
+    Moved,
     Whitener,
     block_residuals,
     estimate_model_error,
@@ -25,7 +26,7 @@ from sysid.compare.noise import Noise, with_lasting
 from sysid.compare.predicted import SimulationSettings, Simulators
 from sysid.compare.search_space import Bounds
 from sysid.gap.result import GapOptions, Since
-from sysid.gap.search.beyond_fit import beyond_fit, ripples_beyond_fit
+from sysid.gap.search.beyond_fit import beyond_fit, limits_beyond_luck, ripples_beyond_fit
 from sysid.gap.search.decision import Decision, decide, explore
 from sysid.gap.search.given_set import GivenSet, beyond
 from sysid.gap.search.responses import Library, responses
@@ -184,12 +185,16 @@ def start_search(
         # Of a ripple, whose phase every run draws, nothing is left but the noise of repeats. A robot's limit
         # or threshold is the same in each run: what it does at one size would hide whatever looks like it.
         steady = [
-            r.change for r in found if not CATALOGUE[r.effect].follows_angle and (r.linear or problem.bench)
+            Moved(r.change, r.chosen.model(model, r.place), problem.surrogate_covers([r.effect]))
+            for r in found
+            if not CATALOGUE[r.effect].follows_angle and (r.linear or problem.bench)
         ]
         repeated = data.repeated.with_varying(whitener, steady)
         problem = ResidualProblem(model, whitener, settings, problem.simulators, repeated)
         found = [replace(r, change=problem.marginal(r.change)) for r in found]
         library = ripples_beyond_fit(problem, repeated, found)
+        if problem.knows_all:
+            library = limits_beyond_luck(problem, library, data.floor.false_alarm)
     search = Search(problem, library, BESIDE_FIT_OF_ROBOT if problem.knows_all else EFFORT[level])
     search.given = given or {}
     return search

@@ -75,6 +75,7 @@ NAMED = Facts(
             "unexplained",
             "in a command sequence",
         ),
+        ({"of_one_sequence": True, "floor": BESIDE}, "no_gap", "one command sequence shows nearly all"),
         ({"adequate": False, "floor": BESIDE}, "unexplained", ""),
         ({"adequate": False, "floor": BESIDE, "p_misfit": 0.5}, "no_gap", "sequences of the fit differ"),
         ({"adequate": False, "floor": BESIDE, "p_misfit": 0.5, "is_clear": True}, "unexplained", ""),

@@ -87,5 +87,19 @@ def test_a_threshold_of_a_robot_does_not_vary_from_run_to_run(monkeypatch: pytes
     new, settings = logs(GAIN, SEQUENCES, seed=24), SimulationSettings(plant="planar", jobs=1)
     data = study_data(new, MODEL, GapOptions(fitted_on=NOMINAL, plant="planar"))
     search = start_search(data, MODEL, settings, ("speed_gain", "command_deadband"), silent)
-    assert {response.effect for response in search.library} == {"speed_gain", "command_deadband"}
+    library = (*search.library, *search.considered.left_out)
+    assert {response.effect for response in library} == {"speed_gain", "command_deadband"}
     assert asked == [1]
+
+
+@pytest.mark.parametrize(("threshold_rpm", "is_there"), [(0.0, False), (15.0, True)])
+def test_a_threshold_is_looked_for_where_it_does_more_than_chance(
+    threshold_rpm: float, is_there: bool
+) -> None:
+    new, settings = logs(GAIN, SEQUENCES, seed=24), SimulationSettings(plant="planar", jobs=1)
+    model = MODEL.with_effect("command_deadband", threshold_rpm=threshold_rpm) if threshold_rpm else MODEL
+    # The model, and not the robot, has the threshold: its error in the logs of the fit is of one without.
+    data = study_data(new, MODEL, GapOptions(fitted_on=NOMINAL, plant="planar"))
+    search = start_search(data, model, settings, ("speed_gain", "command_deadband"), silent)
+    assert ("command_deadband" in {response.effect for response in search.library}) == is_there
+    assert search.considered.least["command_deadband"] > 10.0

@@ -26,6 +26,7 @@ from sysid.compare.least_squares.phases import with_unknown_phases
 from sysid.compare.least_squares.ripple import WheelAngleRipple
 from sysid.compare.least_squares.shared_part import shared_part
 from sysid.compare.model_error import (
+    Differences,
     Learned,
     Marginal,
     RepeatedCommands,
@@ -129,10 +130,18 @@ class ResidualProblem:
             self.unchanged = self.marginal(learned.of_unchanged(whitener))
         self._scatter: dict[Hashable, FloatArray] = {}
 
-    def luck(self, rng: np.random.Generator, draws: int) -> FloatArray:
-        """Return factors (draws,) on what chance gains where few runs tell the noise, drawn with `rng`."""
+    @property
+    def differences(self) -> Differences:
+        """How many differences of repeats tell what chance does in these logs."""
+        return self._learned.differences if isinstance(self._learned, RepeatedCommands) else Differences()
+
+    def luck(self, rng: np.random.Generator, draws: int, count: float) -> FloatArray:
+        """Return factors (draws,) on what chance gains where so many differences (`count`) tell the noise.
+
+        They are drawn with `rng`.
+        """
         learned = self._learned
-        return learned.luck(rng, draws) if isinstance(learned, RepeatedCommands) else np.ones(draws)
+        return learned.luck(rng, draws, count) if isinstance(learned, RepeatedCommands) else np.ones(draws)
 
     def moved(self, at: Model) -> ResidualProblem:
         """Return the problem with what was learned of the base model's error, where `at` moves the robot."""

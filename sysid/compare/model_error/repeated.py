@@ -29,8 +29,15 @@ from sysid.compare.measured import Observations, is_long, observe, pieces
 from sysid.compare.model_error.adopted import as_fitted
 from sysid.compare.model_error.beside import Beside, contrasts_of, residuals_of, scatters_of
 from sysid.compare.model_error.freedom import freedom_of_each
+from sysid.compare.model_error.further_repeats import (
+    KNOWN,
+    Differences,
+    FurtherRepeats,
+    Moved,
+    fresh_contrasts,
+)
 from sysid.compare.model_error.late_changes import late_changes, settled_noise
-from sysid.compare.model_error.run_to_run import run_to_run_columns
+from sysid.compare.model_error.run_to_run import Scatter, run_to_run_columns
 from sysid.compare.model_error.same_commands import with_same_commands
 from sysid.compare.model_error.whitening import Whitener
 from sysid.compare.noise import Noise, measure_noise, noise_beside_model
@@ -78,28 +85,31 @@ class RepeatedCommands:
     """Noise of these logs without calibration."""
     varying: FloatArray | None = None
     """Whitened columns (N, p) of what varies from run to run, if that was looked for."""
-    differences: float = math.inf
-    """Independent differences of repeats that tell what varies from run to run; endless without repeats,
-    which tell nothing, and on the bench, where a run holds so many changes of command that they tell it."""
+    differences: Differences = KNOWN
+    """Of repeats, which tell what varies from run to run."""
     late: tuple[FloatArray, ...] = ()
     """What the unknown delay of each change of a robot's command changes, (m, k) for each block; empty
     without such delays."""
+    fresh: tuple[tuple[FloatArray, ...], ...] = ()
+    """Independent differences between repeats of a robot's new logs, (m,) for each block."""
+    further: FurtherRepeats | None = None
+    """Repeats of other commands in the logs of a robot's fit."""
 
     @property
     def noise(self) -> Noise:
         """Noise of the logs of the fit, from repeats if there are any."""
         return self.whitener.noise
 
-    def luck(self, rng: np.random.Generator, draws: int) -> FloatArray:
+    def luck(self, rng: np.random.Generator, draws: int, count: float) -> FloatArray:
         """Return factors (draws,) on what chance gains, since the noise is known from few differences.
 
-        Along one effect the variance is that of the differences of so many runs, however many samples a run
-        has: with n of them it is too small by a chi-squared value over n. What the noise is larger by anyway
-        (`_MARGIN`) is taken off.
+        Along one effect the variance is that of the differences of so many runs (`count`), however many
+        samples a run has: with n of them it is too small by a chi-squared value over n. What the noise is
+        larger by anyway (`_MARGIN`) is taken off.
         """
-        if not math.isfinite(self.differences):
+        if not math.isfinite(count):
             return np.ones(draws)
-        known = self.differences / rng.chisquare(self.differences, draws)
+        known = count / rng.chisquare(count, draws)
         return np.asarray(np.maximum(1.0, known / _MARGIN["robot"]))
 
     def expected_error(
@@ -131,25 +141,31 @@ class RepeatedCommands:
         parts = zip(self.observations.blocks, predicted, self.scatters[0], strict=True)
         return replace(self, error=tuple(block.value - p - scatter for block, p, scatter in parts))
 
-    def with_varying(self, whitener: Whitener, effects: Sequence[FloatArray]) -> RepeatedCommands:
+    def with_varying(self, whitener: Whitener, effects: Sequence[Moved]) -> RepeatedCommands:
         """Return the same, with what the scatter shows to vary from run to run along some `effects`.
 
-        These are what each of them changes in the new logs, whitened, (N,). The noise is not lowered by what
-        varies.
+        The noise is not lowered by what varies.
         """
         if not self.scatters or not effects:
             return self
         level = self.observations.situations[0].runs[0].level
         blocks, groups = self.observations.blocks, [s.group for s in self.observations.situations]
-        run = np.concatenate([np.full(block.value.size, block.situation) for block in blocks])
         # All runs of a sequence are beside the same scatter.
-        asked = {groups[block.situation]: block.situation for block in blocks}.values()
+        asked = {groups[block.situation]: block.situation for block in blocks}
         # One repeat of each sequence tells the noise of a robot, the more so with its margin.
-        differences = self.contrasts if level == "bench" else self.scatters[:1]
-        scatter = math.sqrt(_MARGIN[level]) * _whitened(whitener, differences)
-        columns = np.stack(effects, axis=1)
-        known = self._late(whitener)
-        return replace(self, varying=run_to_run_columns(scatter, columns, run, tuple(asked), known))
+        differences = self.contrasts if level == "bench" else (*self.scatters[:1], *self.fresh)
+        scatter = Scatter(
+            _whitened(whitener, differences),
+            np.stack([effect.change for effect in effects], axis=1),
+            np.concatenate([np.full(block.value.size, block.situation) for block in blocks]),
+            tuple(asked.values()),
+            self._late(whitener),
+        )
+        if self.further is not None:
+            scatter = scatter.beside(self.further.scatter(self.noise, effects))
+        scatter = replace(scatter, differences=math.sqrt(_MARGIN[level]) * scatter.differences)
+        varying = run_to_run_columns(scatter)[: whitener.size]
+        return replace(self, varying=varying[:, np.any(varying != 0.0, axis=0)])
 
 
 def _whitened(whitener: Whitener, logs: Sequence[Sequence[FloatArray]]) -> FloatArray:
@@ -208,14 +224,24 @@ def repeated_commands(
     level = first[0].level
     scatters = scatters_of(pairs)
     late: tuple[FloatArray, ...] = ()
+    fresh: tuple[tuple[FloatArray, ...], ...] = ()
+    further: FurtherRepeats | None = None
     if scatters:
         noise = noise_beside_model(noise, [pair.noted(observations) for pair in pairs])
         noise, freedom = _calibrated(noise, observations, scatters, level)
+        if level == "robot":
+            fresh = fresh_contrasts(model, fitted_on, observations, settings)
+            further = FurtherRepeats.of(model, fitted_on, runs, settings)
         if level == "robot" and noise.timing:
+            if further is not None:
+                further = replace(further, late=late_changes(further.observations, noise))
             late, noise = late_changes(observations, noise), settled_noise(noise)
     elif level == "bench":
         # Nothing else tells by how much two answers of a wheel to one command differ after its changes.
         return None
+    differences = KNOWN
+    if scatters and level == "robot":
+        differences = _differences(observations, pairs, fresh, further)
     return RepeatedCommands(
         observations,
         tuple(pair.error for pair in pairs),
@@ -225,18 +251,28 @@ def repeated_commands(
         simulators,
         Whitener(before, noise, None),
         measured,
-        differences=_count(observations, pairs) if scatters and level == "robot" else math.inf,
+        differences=differences,
         late=late,
+        fresh=fresh,
+        further=further,
     )
 
 
-def _count(observations: Observations, pairs: Sequence[Beside]) -> float:
-    """Return the number of independent differences of repeats in all command sequences together."""
+def _differences(
+    observations: Observations,
+    pairs: Sequence[Beside],
+    fresh: Sequence[Sequence[FloatArray]],
+    further: FurtherRepeats | None,
+) -> Differences:
+    """Return how many independent differences of repeats there are."""
+    groups = [observations.situations[block.situation].group for block in observations.blocks]
     most: dict[str, int] = {}
-    for pair in pairs:
-        group = observations.situations[pair.block.situation].group
+    for pair, group in zip(pairs, groups, strict=True):
         most[group] = max(most.get(group, 0), len(pair.deviations) - 1)
-    return float(sum(most.values()))
+    new = [{group for part, group in zip(parts, groups, strict=True) if np.any(part)} for parts in fresh]
+    shared = float(sum(most.values()))
+    others = sum(map(len, new)) + (0 if further is None else further.differences)
+    return Differences(shared + others, shared)
 
 
 def _calibrated(

@@ -14,11 +14,12 @@ only what differs from a real change in nothing but being different in each sequ
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import block_diag
 from scipy.optimize import minimize_scalar
 from scipy.special import gammaln
 from scipy.stats import chi2
@@ -35,29 +36,48 @@ _NEGLIGIBLE: Final = 0.3
 """Length of a column, in noise sigmas over all samples, below which nothing depends on it."""
 
 
-def run_to_run_columns(
-    scatter: FloatArray,
-    columns: FloatArray,
-    run: npt.NDArray[np.intp],
-    asked: Collection[int],
-    known: FloatArray | None = None,
-) -> FloatArray:
-    """Return what varies from run to run, one sigma of each: columns (N, p) of one run each.
+@dataclass(frozen=True, eq=False)
+class Scatter:
+    """What repeats of some runs differ by, beside what effects would change in them; all is whitened."""
 
-    Args:
-        scatter: what repeats differ by, whitened, (N, d): d independent differences, zeros in a sequence that
-            has fewer.
-        columns: what effects change, whitened, (N, q).
-        run: number of the run, or of the mean of repeats, of each value, (N,).
-        asked: numbers of the runs whose scatter is looked at: one of each command sequence.
-        known: columns (N, k) of what is known to vary, one sigma of each; none by default.
-    """
-    marginal = Marginal(np.zeros((len(scatter), 0)) if known is None else known)
-    left, moved = marginal.of(scatter), marginal.of(columns)
+    differences: FloatArray
+    """Independent differences of repeats, (N, d); zeros in a sequence that has fewer of them."""
+    columns: FloatArray
+    """What effects change, (N, q)."""
+    run: npt.NDArray[np.intp]
+    """Number of the run, or of the mean of repeats, of each value, (N,)."""
+    asked: tuple[int, ...]
+    """Numbers of the runs whose differences are looked at: one of each command sequence."""
+    known: FloatArray
+    """Columns (N, k) of what is known to vary, one sigma of each."""
+
+    def beside(self, other: Scatter) -> Scatter:
+        """Return this and the scatter of other runs, behind it, along the same effects."""
+        most = max(self.differences.shape[1], other.differences.shape[1])
+        first = 1 + int(np.max(self.run))
+        return Scatter(
+            np.concatenate([_padded(one.differences, most) for one in (self, other)]),
+            np.concatenate([self.columns, other.columns]),
+            np.concatenate([self.run, first + other.run]),
+            (*self.asked, *(first + number for number in other.asked)),
+            block_diag(self.known, other.known),
+        )
+
+
+def _padded(columns: FloatArray, count: int) -> FloatArray:
+    return np.pad(columns, ((0, 0), (0, count - columns.shape[1])))
+
+
+def run_to_run_columns(scatter: Scatter) -> FloatArray:
+    """Return what varies from run to run, one sigma of each: columns (N, p) of one run each."""
+    marginal, columns, run = Marginal(scatter.known), scatter.columns, scatter.run
+    left, moved = marginal.of(scatter.differences), marginal.of(columns)
     found: list[FloatArray] = []
     every = [np.flatnonzero(run == number) for number in np.unique(run)]
-    rows = [np.flatnonzero(run == number) for number in asked]
-    differences = np.array([np.count_nonzero(np.any(scatter[own] != 0.0, axis=0)) for own in rows])
+    rows = [np.flatnonzero(run == number) for number in scatter.asked]
+    differences = np.array(
+        [np.count_nonzero(np.any(scatter.differences[own] != 0.0, axis=0)) for own in rows]
+    )
     for _ in range(_MOST):
         lengths = np.array([np.sum(moved[own] ** 2, axis=0) for own in rows])
         scores = np.array([moved[own].T @ left[own] for own in rows])

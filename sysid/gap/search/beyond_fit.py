@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
 from scipy.stats import f as f_distribution
 
 from mecanum_env.effects import CATALOGUE
@@ -28,6 +29,7 @@ from mecanum_env.model import cause_of
 from sysid.compare.least_squares import ResidualProblem, base_fit, fit
 from sysid.compare.measured import Observations
 from sysid.compare.model_error import Learned, RepeatedCommands, as_fitted
+from sysid.gap.search.chance import chance_gains
 from sysid.gap.search.responses import Growth, Library, Response, growths, responses
 from sysid.gap.search.sets import EMPTY
 from sysid.gap.search.thresholds import THRESHOLDS
@@ -82,6 +84,25 @@ def ripples_beyond_fit(
             problem.base, problem.whitener, problem.settings, problem.simulators, unchanged
         )
     return _beyond(problem, of_fit, library, dict.fromkeys(ripples, 0.0))
+
+
+def limits_beyond_luck(problem: ResidualProblem, library: Library, false_alarm: float) -> Library:
+    """Return a `library` without limits and thresholds that may be but chance in the repeated commands.
+
+    What they vary by from run to run is not looked for, and other commands do not tell it. `false_alarm` is
+    the probability with which chance may do as much.
+    """
+    unsteady = without_first_order(library.searched)
+    own = [response for response in library.searched if response.effect in unsteady]
+    rng = np.random.default_rng(problem.settings.seed)
+    few = chance_gains(problem, base_fit(problem, EMPTY), own, rng, false_alarm, problem.differences.shared)
+    threshold = few.threshold()
+    promised = promised_gains(problem, own)
+    small = {name for name in unsteady if promised.get(name, 0.0) < threshold}
+    searched = [response for response in library.searched if response.effect not in small]
+    left = [response for response in own if response.effect in small]
+    least = {name: max(threshold, library.least.get(name, 0.0)) for name in unsteady}
+    return Library(searched, [*library.left_out, *left], {**library.least, **least})
 
 
 def _beyond(

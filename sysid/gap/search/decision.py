@@ -27,6 +27,7 @@ from sysid.gap.search.chance import Floor, chance_gains, complete, enough, expec
 from sysid.gap.search.consequences import without_consequences
 from sysid.gap.search.free_term import free_term
 from sysid.gap.search.further import needed, residue, visible
+from sysid.gap.search.one_sequence import OF_ONE, is_of_one_sequence
 from sysid.gap.search.plain_squares import noise_ratio, plainly_larger, removed, removed_of_all
 from sysid.gap.search.rules import Facts, apply_rules
 from sysid.gap.search.scores import ScoredSet, agreed_on, doubtful, rises, scored
@@ -144,6 +145,7 @@ def collect(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
         systematic=facts.is_clear and _is_systematic(search, chosen.fitted),
         frequency=_frequency(chosen, [j for j in judged if j.names], rng),
         fall=(base.cost - chosen.fitted.cost) / expected(problem, base),
+        of_one_sequence=is_of_one_sequence(problem, base, chosen.fitted, facts.by_chance, facts.by_one),
     )
 
 
@@ -181,9 +183,16 @@ def explore(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
     while size > 1 and not _holds(search, floor, chosen, rng):
         size -= 1
         chosen = _best(search, size, inflation)
-    least = _CLEARLY * by_chance.threshold() * inflation
-    is_clear = floor.knows_all and base.cost - chosen.fitted.cost > least
-    return replace(facts, inflation=inflation, chosen=chosen, is_clear=is_clear)
+    facts = replace(facts, inflation=inflation, chosen=chosen)
+    if not floor.knows_all:
+        return facts
+    of_few, of_one = (
+        inflation * chance_gains(problem, base, search.library, rng, floor.false_alarm, count).threshold()
+        for count in (problem.differences.shared, OF_ONE)
+    )
+    of_all = inflation * by_chance.threshold()
+    is_clear = base.cost - chosen.fitted.cost > max(of_few, _CLEARLY * of_all)
+    return replace(facts, is_clear=is_clear, by_chance=of_all, by_one=of_one)
 
 
 def _swapped(search: Search, size: int, inflation: float) -> Fitted[EffectSet]:
@@ -208,7 +217,7 @@ def _grow(search: Search, floor: Floor, max_effects: int, rng: np.random.Generat
         nearest = search.of_size(size)[: search.effort.beam]
         promised = min((g.expected for p in nearest for g in search.growths(p)), default=parent.cost)
         inflation, gain = max(floor.slack, promised / problem.size), parent.cost - promised
-        by_chance = chance_gains(problem, parent, search.library, rng, floor.false_alarm).threshold()
+        by_chance = _by_chance_beside(search, parent, floor, rng)
         if gain < by_chance * inflation:
             return size
         if not visible(problem, parent):
@@ -222,6 +231,17 @@ def _grow(search: Search, floor: Floor, max_effects: int, rng: np.random.Generat
             return size
         size += 1
     return size
+
+
+def _by_chance_beside(
+    search: Search, fitted: Fitted[EffectSet], floor: Floor, rng: np.random.Generator
+) -> float:
+    """Return what one more effect gains beside a set by chance.
+
+    Of what a robot does by chance where something changed, repeats of other commands tell little.
+    """
+    shared = search.problem.differences.shared
+    return chance_gains(search.problem, fitted, search.library, rng, floor.false_alarm, shared).threshold()
 
 
 def _pays(search: Search, floor: Floor, size: int, by_chance: float) -> bool:
@@ -252,7 +272,7 @@ def _holds(search: Search, floor: Floor, chosen: ScoredSet, rng: np.random.Gener
     if doubtful(problem, chosen.fitted, inflation) or rises(problem, search.base, chosen.fitted):
         return False
     smaller = _best(search, size - 1, inflation).fitted
-    by_chance = chance_gains(search.problem, smaller, search.library, rng, floor.false_alarm).threshold()
+    by_chance = _by_chance_beside(search, smaller, floor, rng)
     if not _pays(search, floor, size, by_chance):
         return False
     return needed(search, floor, chosen.fitted, inflation, rng)

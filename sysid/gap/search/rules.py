@@ -71,6 +71,13 @@ class Facts:
     all that were tried would by chance; asked of a robot beside the logs of its fit."""
     frequency: Mapping[str, float] = field(default_factory=dict)
     """Effect of the chosen set -> share of resamples in which it is chosen."""
+    by_chance: float = 0.0
+    """Fall of the cost of a robot's logs beside those of its fit that chance may reach."""
+    by_one: float = 0.0
+    """The same of a single command sequence."""
+    of_one_sequence: bool = False
+    """Whether one command sequence of a robot shows nearly all that the chosen set explains, and chance may
+    do that there."""
     fall: float = math.inf
     """By how much the chosen set lowers the cost, as a share of a right model's."""
 
@@ -112,6 +119,17 @@ def _far_apart(facts: Facts) -> Outcome | None:
 def _not_significant(facts: Facts) -> Outcome | None:
     """No gap: neither the best effect nor the whole residual is more than chance allows."""
     return Outcome("no_gap") if facts.p_value > facts.floor.false_alarm else None
+
+
+def _of_one_sequence(facts: Facts) -> Outcome | None:
+    """No gap: one sequence shows nearly all that the best set explains, and chance may do that there."""
+    if not facts.of_one_sequence:
+        return None
+    reason = (
+        f"{facts.significant} one command sequence shows nearly all of it: drive it again to see whether it "
+        "was chance"
+    )
+    return Outcome("no_gap", (reason,))
 
 
 def _within_own_error(facts: Facts) -> Outcome | None:
@@ -304,6 +322,7 @@ def _size_in_doubt(facts: Facts) -> Outcome | None:
 RULES: Final[tuple[Rule, ...]] = (
     _far_apart,
     _not_significant,
+    _of_one_sequence,
     _within_own_error,
     _inadequate,
     _too_small,

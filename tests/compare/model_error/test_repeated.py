@@ -9,7 +9,7 @@ import numpy as np
 
 from sysid.compare.least_squares import ResidualProblem
 from sysid.compare.measured import observe, pieces
-from sysid.compare.model_error import RepeatedCommands, Whitener, repeated_commands
+from sysid.compare.model_error import Differences, Moved, RepeatedCommands, Whitener, repeated_commands
 from sysid.compare.model_error.repeated import _calibrated
 from sysid.logs import Dataset
 from tests.compare.repeated_logs import GAIN, MODEL, NOISE, NOMINAL, PLANAR, logs
@@ -76,15 +76,41 @@ def test_a_mean_of_more_repeats_is_known_better() -> None:
     assert not once.scatters
     assert len(thrice.scatters) == 3
     # Three sequences with two independent differences each.
-    assert (once.differences, thrice.differences) == (math.inf, 6.0)
+    assert (once.differences.shared, thrice.differences.shared) == (math.inf, 6.0)
+
+
+def test_repeats_of_the_new_logs_and_of_other_commands_tell_what_varies_too() -> None:
+    new = logs(GAIN, (1, 2), seed=15, repeats=3)
+    found = compared(logs(GAIN, (1, 2, 3, 4, 5), seed=14), new)
+    assert found is not None
+    # Two sequences in both logs with one difference in the first and two in the second, and three others.
+    assert found.differences == Differences(2.0 + 4.0 + 3.0, 2.0)
+    # All of them have the variance of the difference of both logs, half of which is counted twice.
+    white = Whitener(found.observations, found.noise, None)
+    assert found.further is not None
+    moved = Moved(np.zeros(white.size), MODEL.with_effect("speed_gain", gain=0.9), smooth=True)
+    others = found.further.scatter(found.noise, [moved])
+    own = np.stack([white.whiten(parts) for parts in found.fresh], axis=1)
+    for differences in (own, others.differences):
+        assert 0.8 < 2.0 * float(np.mean(differences**2)) < 1.25
+    assert np.linalg.norm(others.columns) > 10.0
+
+
+def test_luck_is_less_where_more_repeats_tell_the_noise() -> None:
+    found = compared(logs(GAIN, (1, 2, 3, 4, 5), seed=14), logs(GAIN, (1, 2), seed=15))
+    assert found is not None
+    every, own = (
+        np.quantile(found.luck(np.random.default_rng(0), 4000, count), 0.99)
+        for count in (found.differences.every, found.differences.shared)
+    )
+    assert 1.0 < every < 0.2 * own
 
 
 def test_chance_gains_more_where_fewer_runs_tell_the_noise() -> None:
     found = compared(logs(GAIN, (1, 2, 3), seed=14), logs(GAIN, (1, 2, 3), seed=15))
     assert found is not None
     few, many, endless = (
-        np.quantile(replace(found, differences=n).luck(np.random.default_rng(0), 4000), 0.99)
-        for n in (3.0, 12.0, math.inf)
+        np.quantile(found.luck(np.random.default_rng(0), 4000, n), 0.99) for n in (3.0, 12.0, math.inf)
     )
     # Chi-squared values of 3 and 12 degrees of freedom are below 0.115 and 3.57 once in a hundred times.
     np.testing.assert_allclose([few, many, endless], [3.0 / 0.115 / 2.0, 12.0 / 3.57 / 2.0, 1.0], rtol=0.1)

@@ -1,9 +1,9 @@
 """What a study sees of small, known changes of a robot on eight short runs, as a Markdown page.
 
-The robot is drawn at random and driven by the zoo's own physics, which shares nothing with the simulator of
-the models. A model is fitted to its nominal logs. Then one thing at a time is changed by as much as a user
-would want to hear of, and the robot drives the commands of the fit again, or eight other runs with starts and
-reversals; the study compares either with the logs of the fit.
+The robots are drawn at random and driven by the zoo's own physics, which shares nothing with the simulator of
+the models. A model is fitted to the nominal logs of each. Then one thing at a time is changed by as much as a
+user would want to hear of, and the robot drives the commands of the fit again, or eight other runs with
+starts and reversals; the study compares either with the logs of the fit.
 
 Example: python benchmarks/robot_sensitivity.py --markdown docs/results/robot_sensitivity.md
 """
@@ -40,6 +40,8 @@ from sysid.studies.zoo.robots.draw import draw_robot
 from sysid.studies.zoo.robots.robot import Robot
 
 RUNS, PLAN, STREAM = 8, "starts", 4200
+SEEDS = (38, 41, 42)
+"""Of three drawn robots. The first one was at hand when thresholds were set, the others were not."""
 REPEATS = 2
 """Of each command sequence, where those of the fit are driven again."""
 QUIET_SEEDS = 2
@@ -96,52 +98,58 @@ class Driven:
 
 
 def main(
-    seed: int = 38,
+    seeds: tuple[int, ...] = SEEDS,
     driven: Literal["same", "other"] = "same",
     folder: Path = Path("out/sensitivity"),
     markdown: Path | None = None,
 ) -> None:
-    """Fit a drawn robot, change one thing at a time, study the logs and print the page.
+    """Fit drawn robots, change one thing at a time, study the logs and print the page.
 
-    Example: python benchmarks/robot_sensitivity.py --seed 38 --driven other
+    Example: python benchmarks/robot_sensitivity.py --seeds 38 --driven other
 
     Args:
-        seed: Of the robot, a development seed of the zoo.
+        seeds: Of the robots, development seeds of the zoo.
         driven: After a change: the same commands as for the fit, or other ones.
-        folder: For logs and model; a model that is there already is not fitted again.
+        folder: For logs and models; a model that is there already is not fitted again.
         markdown: Markdown file to write the page to.
     """
-    print_page(page(seed, driven, folder), markdown)
+    print_page(page(seeds, driven, folder), markdown)
 
 
-def page(seed: int, which: Literal["same", "other"], folder: Path) -> Iterator[str]:
-    """Yield the paragraphs of the page; after a change the robot drives `which` commands."""
-    robot = draw_robot(seed)
-    if not (folder / "model.json").is_file():
-        folder.mkdir(parents=True, exist_ok=True)
-        write_robot_nominal(seed, robot, folder)
-        nominal_model(folder)
-    model, nominal = read_model(folder / "model.json"), read_dataset(folder / "nominal")
+def page(seeds: Sequence[int], which: Literal["same", "other"], folder: Path) -> Iterator[str]:
+    """Yield the paragraphs of the page; after a change the robots drive `which` commands."""
     option = "" if which == "same" else " --driven other"
     yield f"# Results of `python benchmarks/robot_sensitivity.py{option}`"
     yield (
-        f"Written by the command itself with commit `{(commit() or 'unknown')[:12]}`; do not edit. Robot "
-        f"{seed} of the zoo: {robot.body.mass_kg:.3g} kg, "
-        f"wheels of {robot.wheels.radius_m * 100:.1f} cm, drives of the kind {robot.drive.family}. Its model "
-        f"is fitted to {len(nominal.runs)} runs of {RUN_S:g} s. Then one thing at a time is changed, or "
-        f"nothing, in {QUIET_SEEDS} sets of logs with other luck; each row is a study beside the logs of the "
-        "fit. The signal is the rms of what the change does to the logs over the scatter of repeats, in the "
-        "channel that shows most. The smallest detectable value is what the study itself says that it could "
-        "have seen. The words are those of [GapBench](gapbench.md)."
+        f"Written by the command itself with commit `{(commit() or 'unknown')[:12]}`; do not edit. A model "
+        "of each robot is fitted to its nominal logs. Then one thing at a time is changed, or nothing, in "
+        f"{QUIET_SEEDS} sets of logs with other luck; each row is a study beside the logs of the fit. The "
+        "signal is the rms of what the change does to the logs over the scatter of repeats, in the channel "
+        "that shows most. The smallest detectable value is what the study itself says that it could have "
+        "seen. The words are those of [GapBench](gapbench.md)."
     )
-    driven = _plan(seed, robot, which)
-    yield f"After the change the robot drives {driven.words}."
-    rows = list(_rows(seed, folder / which, robot, driven, model, nominal))
-    yield markdown_table(
-        ("changed", "signal", "found", "now", "that is", "smallest detectable", "study"), rows
-    )
-    found = sum(row[4] in ("right", "rightly ambiguous", "quiet") for row in rows)
-    yield f"Right or rightly ambiguous: {found} of {len(rows)}."
+    count = found = 0
+    for seed in seeds:
+        robot, own = draw_robot(seed), folder / str(seed)
+        if not (own / "model.json").is_file():
+            own.mkdir(parents=True, exist_ok=True)
+            write_robot_nominal(seed, robot, own)
+            nominal_model(own)
+        model, nominal = read_model(own / "model.json"), read_dataset(own / "nominal")
+        driven = _plan(seed, robot, which)
+        yield f"## Robot {seed} of the zoo"
+        yield (
+            f"{robot.body.mass_kg:.3g} kg, wheels of {robot.wheels.radius_m * 100:.1f} cm, drives of the "
+            f"kind {robot.drive.family}. Its model is fitted to {len(nominal.runs)} runs of {RUN_S:g} s. "
+            f"After the change it drives {driven.words}."
+        )
+        rows = list(_rows(seed, own / which, robot, driven, model, nominal))
+        yield markdown_table(
+            ("changed", "signal", "found", "now", "that is", "smallest detectable", "study"), rows
+        )
+        count += len(rows)
+        found += sum(row[4] in ("right", "rightly ambiguous", "quiet") for row in rows)
+    yield f"Right or rightly ambiguous: {found} of {count}."
 
 
 def _plan(seed: int, robot: Robot, which: Literal["same", "other"]) -> Driven:

@@ -136,6 +136,8 @@ def _mean(series: Sequence[_Series], at: FloatArray) -> tuple[FloatArray, FloatA
 
 def _kept_variance(at: FloatArray, time_s: FloatArray) -> FloatArray:
     """Return the variance of white noise of unit variance between samples: interpolation takes off some."""
+    if time_s.size < 2:
+        return np.ones(at.size)
     after = np.clip(np.searchsorted(time_s, at), 1, time_s.size - 1)
     share = np.clip((at - time_s[after - 1]) / (time_s[after] - time_s[after - 1]), 0.0, 1.0)
     return np.asarray(share**2 + (1.0 - share) ** 2)

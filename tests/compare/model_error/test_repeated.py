@@ -10,6 +10,7 @@ import numpy as np
 from sysid.compare.least_squares import ResidualProblem
 from sysid.compare.measured import observe, pieces
 from sysid.compare.model_error import Differences, Moved, RepeatedCommands, Whitener, repeated_commands
+from sysid.compare.model_error.beside import _kept_variance
 from sysid.compare.model_error.repeated import _calibrated
 from sysid.logs import Dataset
 from tests.compare.repeated_logs import GAIN, MODEL, NOISE, NOMINAL, PLANAR, logs
@@ -94,6 +95,12 @@ def test_repeats_of_the_new_logs_and_of_other_commands_tell_what_varies_too() ->
     for differences in (own, others.differences):
         assert 0.8 < 2.0 * float(np.mean(differences**2)) < 1.25
     assert np.linalg.norm(others.columns) > 10.0
+
+
+def test_noise_is_not_smaller_beside_the_only_sample_of_a_channel() -> None:
+    np.testing.assert_array_equal(_kept_variance(np.array([0.0, 0.5, 1.0]), np.array([0.5])), 1.0)
+    between = _kept_variance(np.array([0.0, 0.5, 1.0]), np.array([0.0, 1.0]))
+    np.testing.assert_array_equal(between, [1.0, 0.5, 1.0])
 
 
 def test_luck_is_less_where_more_repeats_tell_the_noise() -> None:

@@ -118,7 +118,8 @@ def main(
 
 def page(seeds: Sequence[int], which: Literal["same", "other"], folder: Path) -> Iterator[str]:
     """Yield the paragraphs of the page; after a change the robots drive `which` commands."""
-    option = "" if which == "same" else " --driven other"
+    option = "" if tuple(seeds) == SEEDS else f" --seeds {' '.join(map(str, seeds))}"
+    option += "" if which == "same" else " --driven other"
     yield f"# Results of `python benchmarks/robot_sensitivity.py{option}`"
     yield (
         f"Written by the command itself with commit `{(commit() or 'unknown')[:12]}`; do not edit. A model "

@@ -10,7 +10,7 @@ import pytest
 from mecanum_env.model import Model
 from sysid.compare.least_squares import ResidualProblem, base_fit
 from sysid.compare.measured import observe
-from sysid.compare.model_error import RepeatedCommands, Whitener, repeated_commands
+from sysid.compare.model_error import Moved, RepeatedCommands, Whitener, repeated_commands
 from sysid.compare.predicted import SimulationSettings
 from sysid.gap.result import GapOptions, GapReport
 from sysid.gap.search.chance import chance_gains
@@ -123,7 +123,8 @@ def test_what_varies_from_run_to_run_hides_no_other_effect(
         return chance_gains(problem, base_fit(problem, EMPTY), own, rng).threshold()
 
     whitener = problem.whitener
-    varying = found.with_varying(whitener, [response.change for response in library])
+    effects = [Moved(one.change, one.chosen.model(base, one.place), smooth=True) for one in library]
+    varying = found.with_varying(whitener, effects)
     assert threshold(found) > 1.2 * threshold(varying)
     assert study(new, before, base).verdict == "no_gap"
 

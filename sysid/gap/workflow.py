@@ -37,7 +37,7 @@ from sysid.gap.search.chance import chance_gains, expected, smallest_detectable,
 from sysid.gap.search.checks import require_movement, require_valid
 from sysid.gap.search.custom import propose
 from sysid.gap.search.known_effects import effects_for, is_meant
-from sysid.gap.search.one_sequence import OF_ONE, least_falls
+from sysid.gap.search.one_sequence import OF_ONE, is_asked, least_falls
 from sysid.gap.spending import budget_of, with_studies
 from sysid.gap.unshown import with_unshown
 from sysid.logs import Dataset, Run
@@ -231,17 +231,14 @@ def _what_is_open(
     """
     search, floor = found.search, found.data.floor
     rng = np.random.default_rng(options.seed)
-    threshold, of_one = (
-        chance_gains(search.problem, search.base, search.library, rng, floor.false_alarm, count).threshold()
-        for count in (search.problem.differences.every, OF_ONE)
-    )
+    chance = chance_gains(search.problem, search.base, search.library, rng, floor.false_alarm)
+    threshold, least = chance.threshold(), dict(search.considered.least)
     library = (*search.library, *search.considered.left_out)
     needed = max(floor.slack * threshold, floor.least_share * expected(search.problem, search.base))
-    of_one_sequence = least_falls(search.problem, library, threshold, of_one)
-    least = {
-        name: max(search.considered.least.get(name, 0.0), of_one_sequence.get(name, 0.0))
-        for name in {*search.considered.least, *of_one_sequence}
-    }
+    if is_asked(search.problem):
+        one = chance_gains(search.problem, search.base, search.library, rng, floor.false_alarm, OF_ONE)
+        for name, fall in least_falls(search.problem, library, threshold, one.threshold()).items():
+            least[name] = max(fall, least.get(name, 0.0))
     detectable = smallest_detectable(library, needed, least)
     unseen = untestable(
         considered,

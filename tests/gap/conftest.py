@@ -32,10 +32,9 @@ def commands(rng: np.random.Generator, count: int = 5) -> list[FloatArray]:
 
 
 def a_set(score: float, *names: str) -> ScoredSet:
-    """Return a scored set of which only its score, which is its cost, and names are known."""
+    """Return a scored set of which only score and names are known."""
     numbers = 5 if "static_map" in names else len(names)
-    candidate = SimpleNamespace(parameter_count=numbers)
-    fitted: Any = SimpleNamespace(names=names, cost=score, candidate=candidate)
+    fitted: Any = SimpleNamespace(names=names, candidate=SimpleNamespace(parameter_count=numbers))
     return ScoredSet(fitted, np.array([score]))
 
 

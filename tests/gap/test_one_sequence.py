@@ -62,7 +62,6 @@ def test_it_is_asked_of_a_robot_that_drives_the_commands_of_its_fit(other: str) 
     base, fitted = fits(30.0, 4.0, 3.0)
     problem = a_problem(("a", "b", "c"), **{other: False})
     assert not is_of_one_sequence(problem, base, fitted, 20.0, 70.0)
-    assert least_falls(problem, [], 20.0, 70.0) == {}
 
 
 def test_an_effect_that_acts_in_one_sequence_alone_needs_far_more() -> None:

@@ -13,6 +13,7 @@ from sysid.compare.least_squares import ResidualProblem
 from sysid.compare.measured import observe
 from sysid.compare.model_error import RepeatedCommands, Whitener, repeated_commands
 from sysid.compare.predicted import SimulationSettings
+from sysid.gap import workflow
 from sysid.gap.inquiry import start_search
 from sysid.gap.result import GapOptions, GapReport
 from sysid.gap.search.beyond_fit import ripples_beyond_fit
@@ -103,3 +104,19 @@ def test_a_threshold_is_looked_for_where_it_does_more_than_chance(
     search = start_search(data, model, settings, ("speed_gain", "command_deadband"), silent)
     assert ("command_deadband" in {response.effect for response in search.library}) == is_there
     assert search.considered.least["command_deadband"] > 10.0
+
+
+def test_what_one_sequence_shows_is_no_gap() -> None:
+    """Its repeat would tell that this run differs from it, but there is none."""
+    new, odd = logs(GAIN, (1, 2), 26, repeats=1), logs(GAIN - 0.005, (1,), 27, repeats=1)
+    report = study(replace(new, runs=(*odd.runs, *new.runs[1:])))
+    assert report.verdict == "no_gap"
+    assert "speed_gain would be significant" in report.notes[-1]
+    assert "one command sequence shows nearly all of it" in report.notes[-1]
+
+
+def test_what_would_be_of_one_sequence_is_not_called_detectable(monkeypatch: pytest.MonkeyPatch) -> None:
+    new = logs(GAIN, SEQUENCES, seed=21)
+    assert "speed_gain" in study(new).smallest_detectable
+    monkeypatch.setattr(workflow, "least_falls", lambda *_: {"speed_gain": 1e9})
+    assert "speed_gain" not in study(new).smallest_detectable

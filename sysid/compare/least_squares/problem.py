@@ -26,7 +26,8 @@ from sysid.compare.least_squares.phases import with_unknown_phases
 from sysid.compare.least_squares.ripple import WheelAngleRipple
 from sysid.compare.least_squares.shared_part import shared_part
 from sysid.compare.model_error import (
-    Differences,
+    KNOWN,
+    DifferenceCounts,
     Learned,
     Marginal,
     RepeatedCommands,
@@ -131,9 +132,9 @@ class ResidualProblem:
         self._scatter: dict[Hashable, FloatArray] = {}
 
     @property
-    def differences(self) -> Differences:
+    def difference_counts(self) -> DifferenceCounts:
         """How many differences of repeats tell what chance does in these logs."""
-        return self._learned.differences if isinstance(self._learned, RepeatedCommands) else Differences()
+        return self._learned.difference_counts if isinstance(self._learned, RepeatedCommands) else KNOWN
 
     def luck(self, rng: np.random.Generator, draws: int, count: float) -> FloatArray:
         """Return factors (draws,) on what chance gains where so many differences (`count`) tell the noise.

@@ -1,7 +1,8 @@
 """How wrong a model may be without a gap: its own error, its uncertain parameters, and whitening by them."""
 
 from sysid.compare.model_error.adopted import as_fitted, covariance_of, with_adopted
-from sysid.compare.model_error.further_repeats import Differences, Moved
+from sysid.compare.model_error.freedom import KNOWN, DifferenceCounts
+from sysid.compare.model_error.further_repeats import Moved
 from sysid.compare.model_error.known_error import without_known_error
 from sysid.compare.model_error.learned import Learned, learn
 from sysid.compare.model_error.marginal import Marginal
@@ -15,7 +16,8 @@ from sysid.compare.model_error.size import ModelError, estimate_model_error, mod
 from sysid.compare.model_error.whitening import Whitener
 
 __all__ = [
-    "Differences",
+    "KNOWN",
+    "DifferenceCounts",
     "Learned",
     "Marginal",
     "ModelError",

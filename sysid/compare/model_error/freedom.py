@@ -1,4 +1,4 @@
-"""How well a mean square over command sequences is known.
+"""How well noise is known: from how many differences of repeats, and a mean square over command sequences.
 
 What a robot's model errs by, and what differs from run to run, is more in one command sequence than in
 another, so that its mean square is known much less well than the number of samples says. With q_k the mean
@@ -8,7 +8,9 @@ square in sequence k, the mean over n sequences has about the degrees of freedom
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -20,6 +22,21 @@ _UNKNOWN: Final = 2.0
 those of two normal values each. Assumed."""
 _LEAST_SPREAD: Final = 1e-3
 """Least relative variance of the mean squares, so that the degrees of freedom are finite."""
+
+
+@dataclass(frozen=True)
+class DifferenceCounts:
+    """How many independent differences of repeats tell the noise of a robot's runs; endless: it is known."""
+
+    every: float = math.inf
+    """In all logs."""
+    shared: float = math.inf
+    """In the logs of the fit, in the commands of the new logs."""
+
+
+KNOWN: Final = DifferenceCounts()
+"""Those of a drive on the bench, where a run holds so many changes of command that these tell the noise, and
+of logs without repeats, which tell nothing of it."""
 
 
 def freedom_of_each(squares: FloatArray | Sequence[float]) -> float:

@@ -7,45 +7,23 @@ some, and the logs of the fit may hold other command sequences, which the new lo
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 
-from mecanum_env.errors import MecanumError
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 from sysid.compare.measured import Observations, is_long, observe
 from sysid.compare.model_error.adopted import as_fitted
 from sysid.compare.model_error.beside import Beside, contrasts_of, residuals_of
+from sysid.compare.model_error.elsewhere import change
 from sysid.compare.model_error.run_to_run import Scatter
 from sysid.compare.model_error.same_commands import with_same_commands
 from sysid.compare.model_error.whitening import Whitener
 from sysid.compare.noise import Noise
 from sysid.compare.predicted import SimulationSettings, Simulators
 from sysid.logs import Dataset, Run
-
-_STRANGE = (MecanumError, ValueError)
-"""What a simulation raises that cannot be made."""
-
-
-@dataclass(frozen=True)
-class Differences:
-    """How many independent differences of repeats tell the noise of a robot's runs; endless: it is known.
-
-    On the bench a run holds so many changes of command that these tell it.
-    """
-
-    every: float = math.inf
-    """In all logs."""
-    shared: float = math.inf
-    """In the logs of the fit, in the commands of the new logs."""
-
-
-KNOWN: Final = Differences()
-"""Those of a drive on the bench, or of logs without repeats, which tell nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +88,7 @@ class FurtherRepeats:
         return cls(observations, tuple(contrasts_of(pairs)), simulators, model)
 
     @property
-    def differences(self) -> int:
+    def count(self) -> int:
         """Number of independent differences of runs."""
         return sum(
             len({b.situation for b, part in zip(self.observations.blocks, parts, strict=True) if part.any()})
@@ -133,11 +111,7 @@ class FurtherRepeats:
 
     def _change(self, whitener: Whitener, effect: Moved) -> FloatArray:
         simulate = self.simulators.smooth if effect.smooth else self.simulators.full.predictions
-        try:
-            before, after = simulate(self.model), simulate(effect.model)
-        except _STRANGE:
-            return np.zeros(whitener.size)
-        return whitener.whiten([a - b for a, b in zip(after, before, strict=True)])
+        return whitener.whiten(change(simulate, effect.model, self.model, self.model))
 
 
 def _sequences(runs: Sequence[Run], period_s: float) -> Iterator[dict[Run, float]]:

@@ -28,14 +28,8 @@ from mecanum_env.units import FloatArray
 from sysid.compare.measured import Observations, is_long, observe, pieces
 from sysid.compare.model_error.adopted import as_fitted
 from sysid.compare.model_error.beside import Beside, contrasts_of, residuals_of, scatters_of
-from sysid.compare.model_error.freedom import freedom_of_each
-from sysid.compare.model_error.further_repeats import (
-    KNOWN,
-    Differences,
-    FurtherRepeats,
-    Moved,
-    fresh_contrasts,
-)
+from sysid.compare.model_error.freedom import KNOWN, DifferenceCounts, freedom_of_each
+from sysid.compare.model_error.further_repeats import FurtherRepeats, Moved, fresh_contrasts
 from sysid.compare.model_error.late_changes import late_changes, settled_noise
 from sysid.compare.model_error.run_to_run import Scatter, run_to_run_columns
 from sysid.compare.model_error.same_commands import with_same_commands
@@ -85,8 +79,8 @@ class RepeatedCommands:
     """Noise of these logs without calibration."""
     varying: FloatArray | None = None
     """Whitened columns (N, p) of what varies from run to run, if that was looked for."""
-    differences: Differences = KNOWN
-    """Of repeats, which tell what varies from run to run."""
+    difference_counts: DifferenceCounts = KNOWN
+    """Of the repeats that tell what varies from run to run."""
     late: tuple[FloatArray, ...] = ()
     """What the unknown delay of each change of a robot's command changes, (m, k) for each block; empty
     without such delays."""
@@ -239,9 +233,9 @@ def repeated_commands(
     elif level == "bench":
         # Nothing else tells by how much two answers of a wheel to one command differ after its changes.
         return None
-    differences = KNOWN
+    counts = KNOWN
     if scatters and level == "robot":
-        differences = _differences(observations, pairs, fresh, further)
+        counts = _counts(observations, pairs, fresh, further)
     return RepeatedCommands(
         observations,
         tuple(pair.error for pair in pairs),
@@ -251,19 +245,19 @@ def repeated_commands(
         simulators,
         Whitener(before, noise, None),
         measured,
-        differences=differences,
+        difference_counts=counts,
         late=late,
         fresh=fresh,
         further=further,
     )
 
 
-def _differences(
+def _counts(
     observations: Observations,
     pairs: Sequence[Beside],
     fresh: Sequence[Sequence[FloatArray]],
     further: FurtherRepeats | None,
-) -> Differences:
+) -> DifferenceCounts:
     """Return how many independent differences of repeats there are."""
     groups = [observations.situations[block.situation].group for block in observations.blocks]
     most: dict[str, int] = {}
@@ -271,8 +265,8 @@ def _differences(
         most[group] = max(most.get(group, 0), len(pair.deviations) - 1)
     new = [{group for part, group in zip(parts, groups, strict=True) if np.any(part)} for parts in fresh]
     shared = float(sum(most.values()))
-    others = sum(map(len, new)) + (0 if further is None else further.differences)
-    return Differences(shared + others, shared)
+    others = sum(map(len, new)) + (0 if further is None else further.count)
+    return DifferenceCounts(shared + others, shared)
 
 
 def _calibrated(

@@ -95,7 +95,9 @@ def limits_beyond_luck(problem: ResidualProblem, library: Library, false_alarm: 
     unsteady = without_first_order(library.searched)
     own = [response for response in library.searched if response.effect in unsteady]
     rng = np.random.default_rng(problem.settings.seed)
-    few = chance_gains(problem, base_fit(problem, EMPTY), own, rng, false_alarm, problem.differences.shared)
+    few = chance_gains(
+        problem, base_fit(problem, EMPTY), own, rng, false_alarm, problem.difference_counts.shared
+    )
     threshold = few.threshold()
     promised = promised_gains(problem, own)
     small = {name for name in unsteady if promised.get(name, 0.0) < threshold}

@@ -186,15 +186,15 @@ def chance_gains(
     library: Sequence[Response],
     rng: np.random.Generator,
     false_alarm: float = THRESHOLDS.false_alarm,
-    differences: float | None = None,
+    count: float | None = None,
 ) -> ChanceGains:
     """Simulate the best gain of a fitted set by one more effect, if the set is the truth.
 
     `library` holds the responses of the effects that were considered. For rarer false alarms than usual there
     are as many more draws. Where logs are at hand in which nothing changed, the gains are scaled to what
     these show on average, if that is more: noise that is not normal, such as a few late responses, looks more
-    like an effect. Where few `differences` of a robot's runs tell what varies from run to run, by default all
-    of the problem's, gains are larger now and then (`ResidualProblem.luck`).
+    like an effect. Where few differences of a robot's runs tell what varies from run to run (their `count`,
+    by default that of all), gains are larger now and then (`ResidualProblem.luck`).
     """
     scatter = roller_scatter(problem, fitted)
     draws = math.ceil(THRESHOLDS.draws * max(1.0, min(THRESHOLDS.false_alarm / false_alarm, _MOST_DRAWS)))
@@ -211,7 +211,7 @@ def chance_gains(
     columns = np.stack(units, axis=1)
     scores = rng.standard_normal((draws, len(units))) @ _root(columns.T @ columns).T
     scores += rng.standard_normal((draws, scatter.shape[1])) @ (scatter.T @ columns)
-    count = problem.differences.every if differences is None else differences
+    count = problem.difference_counts.every if count is None else count
     gains = _best_gains(scores, columns, owners) * problem.luck(rng, draws, count)
     shown = _best_gains(problem.unchanged.T @ columns, columns, owners)
     scale = float(np.mean(shown) / np.mean(gains)) if shown.size else 1.0

@@ -27,7 +27,7 @@ from sysid.gap.search.chance import Floor, chance_gains, complete, enough, expec
 from sysid.gap.search.consequences import without_consequences
 from sysid.gap.search.free_term import free_term
 from sysid.gap.search.further import needed, residue, visible
-from sysid.gap.search.one_sequence import OF_ONE, is_of_one_sequence
+from sysid.gap.search.one_sequence import OF_ONE, is_asked, is_of_one_sequence
 from sysid.gap.search.plain_squares import noise_ratio, plainly_larger, removed, removed_of_all
 from sysid.gap.search.rules import Facts, apply_rules
 from sysid.gap.search.scores import ScoredSet, agreed_on, doubtful, rises, scored
@@ -186,11 +186,12 @@ def explore(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
     facts = replace(facts, inflation=inflation, chosen=chosen)
     if not floor.knows_all:
         return facts
-    of_few, of_one = (
-        inflation * chance_gains(problem, base, search.library, rng, floor.false_alarm, count).threshold()
-        for count in (problem.differences.shared, OF_ONE)
-    )
-    of_all = inflation * by_chance.threshold()
+    of_few = of_one = of_all = inflation * by_chance.threshold()
+    if is_asked(problem):
+        of_few, of_one = (
+            inflation * chance_gains(problem, base, search.library, rng, floor.false_alarm, count).threshold()
+            for count in (problem.difference_counts.shared, OF_ONE)
+        )
     is_clear = base.cost - chosen.fitted.cost > max(of_few, _CLEARLY * of_all)
     return replace(facts, is_clear=is_clear, by_chance=of_all, by_one=of_one)
 
@@ -240,7 +241,7 @@ def _by_chance_beside(
 
     Of what a robot does by chance where something changed, repeats of other commands tell little.
     """
-    shared = search.problem.differences.shared
+    shared = search.problem.difference_counts.shared
     return chance_gains(search.problem, fitted, search.library, rng, floor.false_alarm, shared).threshold()
 
 

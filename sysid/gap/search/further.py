@@ -44,7 +44,9 @@ def needed(
     smaller, larger = (_again(there, problem, fitted) for fitted in (part, chosen))
     if smaller is None or larger is None:
         return True
-    chance = chance_gains(problem, part, search.library, rng, floor.false_alarm, problem.differences.shared)
+    chance = chance_gains(
+        problem, part, search.library, rng, floor.false_alarm, problem.difference_counts.shared
+    )
     least = chance.threshold() * inflation + residue(there, floor, base_fit(there, EMPTY), smaller, larger)
     return smaller.cost - larger.cost >= least and needed(search, floor, part, inflation, rng)
 

@@ -24,6 +24,11 @@ OF_ONE: Final = 2.0
 logs of the fit and the new ones have two runs of each sequence. Assumed for other numbers of runs, too."""
 
 
+def is_asked(problem: ResidualProblem) -> bool:
+    """Return whether it matters in a `problem`: of a robot that drives the commands of its fit again."""
+    return problem.knows_all and problem.same_commands
+
+
 def is_of_one_sequence(
     problem: ResidualProblem,
     base: Fitted[EffectSet],
@@ -33,10 +38,10 @@ def is_of_one_sequence(
 ) -> bool:
     """Return whether what a set explains is, but for one sequence, no more than chance does.
 
-    It is asked in the `problem` of a robot only. `base` is the model as it is, and `fitted` the set. Chance
-    lowers the cost by `by_chance`, and that of one sequence by `by_one`.
+    It is not where that is not asked in a `problem`. `base` is the model as it is, and `fitted` the set.
+    Chance lowers the cost by `by_chance`, and that of one sequence by `by_one`.
     """
-    if not (problem.knows_all and problem.same_commands):
+    if not is_asked(problem):
         return False
     falls = _of_sequences(problem, base.residual**2 - fitted.residual**2)
     whole = float(np.sum(falls))
@@ -46,13 +51,11 @@ def is_of_one_sequence(
 def least_falls(
     problem: ResidualProblem, library: Sequence[Response], by_chance: float, by_one: float
 ) -> dict[str, float]:
-    """Return effect -> fall of the cost that it needs, so that it is not of one sequence; none on the bench.
+    """Return effect -> fall of the cost that it needs, so that it is not of one sequence.
 
     `library` holds the responses of the effects in the `problem`; `by_chance` and `by_one` are as in
     `is_of_one_sequence`.
     """
-    if not (problem.knows_all and problem.same_commands):
-        return {}
     least: dict[str, float] = {}
     for response in library:
         squares = _of_sequences(problem, response.change**2)

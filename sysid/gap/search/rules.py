@@ -122,14 +122,18 @@ def _not_significant(facts: Facts) -> Outcome | None:
 
 
 def _of_one_sequence(facts: Facts) -> Outcome | None:
-    """No gap: one sequence shows nearly all that the best set explains, and chance may do that there."""
+    """No gap: one sequence shows nearly all that the best set explains, and chance may do that there.
+
+    Unexplained if the whole residual is more than a right model leaves.
+    """
     if not facts.of_one_sequence:
         return None
     reason = (
         f"{facts.significant} one command sequence shows nearly all of it: drive it again to see whether it "
         "was chance"
     )
-    return Outcome("no_gap", (reason,))
+    by_chance = facts.p_misfit > facts.floor.false_alarm
+    return Outcome("no_gap", (reason,)) if by_chance else _unexplained(facts, reason)
 
 
 def _within_own_error(facts: Facts) -> Outcome | None:

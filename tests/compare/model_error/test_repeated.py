@@ -9,7 +9,7 @@ import numpy as np
 
 from sysid.compare.least_squares import ResidualProblem
 from sysid.compare.measured import observe, pieces
-from sysid.compare.model_error import Differences, Moved, RepeatedCommands, Whitener, repeated_commands
+from sysid.compare.model_error import DifferenceCounts, Moved, RepeatedCommands, Whitener, repeated_commands
 from sysid.compare.model_error.beside import _kept_variance
 from sysid.compare.model_error.repeated import _calibrated
 from sysid.logs import Dataset
@@ -77,7 +77,7 @@ def test_a_mean_of_more_repeats_is_known_better() -> None:
     assert not once.scatters
     assert len(thrice.scatters) == 3
     # Three sequences with two independent differences each.
-    assert (once.differences.shared, thrice.differences.shared) == (math.inf, 6.0)
+    assert (once.difference_counts.shared, thrice.difference_counts.shared) == (math.inf, 6.0)
 
 
 def test_repeats_of_the_new_logs_and_of_other_commands_tell_what_varies_too() -> None:
@@ -85,7 +85,7 @@ def test_repeats_of_the_new_logs_and_of_other_commands_tell_what_varies_too() ->
     found = compared(logs(GAIN, (1, 2, 3, 4, 5), seed=14), new)
     assert found is not None
     # Two sequences in both logs with one difference in the first and two in the second, and three others.
-    assert found.differences == Differences(2.0 + 4.0 + 3.0, 2.0)
+    assert found.difference_counts == DifferenceCounts(2.0 + 4.0 + 3.0, 2.0)
     # All of them have the variance of the difference of both logs, half of which is counted twice.
     white = Whitener(found.observations, found.noise, None)
     assert found.further is not None
@@ -95,6 +95,51 @@ def test_repeats_of_the_new_logs_and_of_other_commands_tell_what_varies_too() ->
     for differences in (own, others.differences):
         assert 0.8 < 2.0 * float(np.mean(differences**2)) < 1.25
     assert np.linalg.norm(others.columns) > 10.0
+
+
+def of_own_gains(sequences: tuple[int, ...], seed: int) -> Dataset:
+    """Return two runs of each sequence, of which the second is of a robot with another gain."""
+    one, two = logs(GAIN, sequences, seed, repeats=1), logs(GAIN - 0.02, sequences, seed + 1, repeats=1)
+    second = [replace(run, file=run.file.replace("_0", "_1")) for run in two.runs]
+    return replace(one, runs=(*one.runs, *second))
+
+
+def varying(found: RepeatedCommands) -> int:
+    """Return how many means of repeats, one of each sequence, are found to vary along the gain."""
+    whitener = Whitener(found.observations, found.noise, None)
+    problem = ResidualProblem(MODEL, whitener, PLANAR, None, found)
+    other = MODEL.with_effect("speed_gain", gain=0.97)
+    (change,) = problem.changes([other], surrogate=True, reference=MODEL)
+    assert change is not None
+    columns = found.with_varying(whitener, [Moved(change, other, smooth=True)]).varying
+    assert columns is not None
+    assert columns.shape[0] == whitener.size
+    return int(columns.shape[1])
+
+
+def test_repeats_of_other_commands_show_what_varies_from_run_to_run() -> None:
+    own, others = logs(GAIN, (1, 2), seed=14), of_own_gains((3, 4, 5), seed=30)
+    found = compared(replace(own, runs=(*own.runs, *others.runs)), logs(GAIN, (1, 2), seed=15))
+    assert found is not None
+    assert varying(found) == 2
+    assert varying(replace(found, further=None)) == 0
+
+
+def test_repeats_of_the_new_logs_show_what_varies_from_run_to_run() -> None:
+    found = compared(NOMINAL, of_own_gains((1, 2, 3, 4), seed=32))
+    assert found is not None
+    assert varying(found) == 4
+    assert varying(replace(found, fresh=())) == 0
+
+
+def test_changes_of_command_are_late_in_other_commands_too() -> None:
+    of_fit, new = (
+        logs(GAIN, which, seed, jitter_s=0.02) for which, seed in (((1, 2, 3, 4), 34), ((1, 2), 35))
+    )
+    found = compared(of_fit, new)
+    assert found is not None
+    assert found.further is not None
+    assert sum(float(np.sum(part**2)) for part in found.further.late) > 0.0
 
 
 def test_noise_is_not_smaller_beside_the_only_sample_of_a_channel() -> None:
@@ -108,7 +153,7 @@ def test_luck_is_less_where_more_repeats_tell_the_noise() -> None:
     assert found is not None
     every, own = (
         np.quantile(found.luck(np.random.default_rng(0), 4000, count), 0.99)
-        for count in (found.differences.every, found.differences.shared)
+        for count in (found.difference_counts.every, found.difference_counts.shared)
     )
     assert 1.0 < every < 0.2 * own
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
-from sysid.compare.links.changes import means_over_ticks
+from sysid.compare.links.changes import SPEED, means_over_ticks
 from sysid.compare.links.delays import LinkClock, LinkDelays, delays_between_rows, link_delays
 from sysid.compare.links.in_model import (
     JITTER,
@@ -32,7 +32,6 @@ from sysid.compare.links.in_model import (
 )
 from sysid.logs import BenchCommand, Dataset, Run
 
-_SPEED: Final = "speed_rpm"
 _FARTHEST: Final = 4.0
 """Standard deviations of a stated jitter from the common delay within which a change acts: of normal delays
 one in 16,000 lies beyond."""
@@ -232,8 +231,8 @@ def _moved_run(
     channels = {n: np.append(v, np.full(extra.size, np.nan))[order] for n, v in run.channels.items()}
     if "battery_v" in channels:
         channels["battery_v"] = _held(channels["battery_v"])
-    sure = run.weights.get(_SPEED, np.ones(run.time_s.size)) / (1.0 + found.unsure[index])
-    weights = {_SPEED: np.append(sure, np.ones(extra.size))[order]}
+    sure = run.weights.get(SPEED, np.ones(run.time_s.size)) / (1.0 + found.unsure[index])
+    weights = {SPEED: np.append(sure, np.ones(extra.size))[order]}
     command = BenchCommand(levels[np.searchsorted(arrivals, times + 1e-9, side="right")])
     return replace(run, time_s=times, command=command, channels=channels, weights=weights)
 

@@ -13,6 +13,8 @@ from mecanum_env.units import FloatArray
 from sysid.compare.measured import COMMAND_STEP_RPM, start_of
 from sysid.logs import Run
 
+SPEED: Final = "speed_rpm"
+"""The channel of bench logs that shows the changes."""
 LONGEST_S: Final = 0.5
 """Longest delay that is looked for [s]."""
 STEP_S: Final = 0.002

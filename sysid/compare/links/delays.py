@@ -20,7 +20,7 @@ from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 from mecanum_env.wheel_drive.drive import longest_delay_s
 from sysid.compare.links import between_rows
-from sysid.compare.links.changes import GRID_S, STEP_S, Change, changes_of
+from sysid.compare.links.changes import GRID_S, SPEED, STEP_S, Change, changes_of
 from sysid.compare.links.common_delay import EVIDENCE, CommonDelay, evidence, without_trend
 from sysid.compare.links.in_model import delay_of, on_time
 from sysid.compare.links.single_changes import SeenChanges
@@ -170,8 +170,8 @@ def delays_between_rows(
         delays = weights @ GRID_S
         for rows in same:
             delays[rows] = np.median(given[rows] + delays[rows]) - given[rows]
-    repeats = noise_from_repeats(runs) or {}
-    noise_rpm = min([found.noise_rpm, *(one.std for one in repeats.values() if one.std > 0.0)])
+    repeats = (noise_from_repeats(runs) or {}).get(SPEED)
+    noise_rpm = min(found.noise_rpm, repeats.std) if repeats and repeats.std > 0.0 else found.noise_rpm
     rounded = convolve1d(weights, _ROUNDED, axis=1, mode="nearest")
     # Repeats have the same times, and their mean errs by as much as each.
     alike = np.ones(len(runs))

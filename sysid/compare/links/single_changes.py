@@ -21,7 +21,7 @@ from mecanum_env.simulator.bench import bench_motions
 from mecanum_env.simulator.free_wheel import BenchRun
 from mecanum_env.statistics import MEDIAN_OF_NORMAL
 from mecanum_env.units import FloatArray
-from sysid.compare.links.changes import GRID_S, LONGEST_S, Change, means_over_ticks
+from sysid.compare.links.changes import GRID_S, LONGEST_S, SPEED, Change, means_over_ticks
 from sysid.compare.links.common_delay import TAIL
 from sysid.compare.measured import start_of
 from sysid.logs import Run
@@ -30,7 +30,6 @@ _AFTER_S: Final = 0.6
 """Time beyond the longest delay that a change's samples are compared for [s]: a drive's response is over."""
 _SETTLED_S: Final = 1.0
 """Time for which the command before a change is held before its response is simulated [s]."""
-_SPEED: Final = "speed_rpm"
 _FEW_SAMPLES: Final = 5  # a change seen in fewer samples tells nothing
 
 
@@ -124,8 +123,8 @@ def _windows(runs: Sequence[Run], changes: Sequence[Change]) -> list[_Window]:
         after = changes[index + 1] if index + 1 < len(changes) else None
         if after is not None and after.run == change.run:
             end = min(end, after.given_s)
-        rows = run.finite(_SPEED) & (run.time_s >= change.given_s) & (run.time_s < end)
-        found.append(_Window(run.time_s[rows], run.channels[_SPEED][rows]))
+        rows = run.finite(SPEED) & (run.time_s >= change.given_s) & (run.time_s < end)
+        found.append(_Window(run.time_s[rows], run.channels[SPEED][rows]))
     return found
 
 
@@ -165,7 +164,7 @@ def _seen_motions(model: Model, runs: Sequence[BenchRun]) -> list[tuple[FloatArr
     """Return clocks [s] and speeds [rpm] on them as the sensors of the model show them, which may be late."""
     read = sensors_of(model)
     motions = bench_motions([without_sensors(model)], runs)[0]
-    return [(clock, read(clock, {_SPEED: speed})[_SPEED]) for clock, speed in motions]
+    return [(clock, read(clock, {SPEED: speed})[SPEED]) for clock, speed in motions]
 
 
 def _log_likelihood(scaled: FloatArray) -> FloatArray:

@@ -78,6 +78,19 @@ def test_times_between_rows_are_found(model: Model, clock: LinkClock) -> None:
     assert np.std(error) < 0.4 * ROW_S / np.sqrt(12.0)
 
 
+def test_a_logged_voltage_tells_no_noise_of_the_speed(model: Model, clock: LinkClock) -> None:
+    data, rng = logs(model, between_rows=True), np.random.default_rng(0)
+    with_voltage = [
+        replace(
+            run, channels={**run.channels, "battery_v": 12.0 + 1e-6 * rng.standard_normal(run.time_s.size)}
+        )
+        for run in data.runs
+    ]
+    alone, beside = (delays_between_rows(model, runs, clock) for runs in (data.runs, with_voltage))
+    for expected, found in zip(alone.unsure, beside.unsure, strict=True):
+        np.testing.assert_array_equal(found, expected)
+
+
 def test_commands_that_were_given_at_rows_are_not_between_them(model: Model, clock: LinkClock) -> None:
     assert not delays_between_rows(model, logs(model, between_rows=False).runs, clock).differ
 

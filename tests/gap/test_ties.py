@@ -18,8 +18,8 @@ FLOOR = Floor(1e4, trusted=True)
 SEARCH: Any = SimpleNamespace(problem=None, base=None, told_before=frozenset())
 
 
-@pytest.mark.parametrize(("score", "told"), [(-200.0, True), (-51.0, False)])
-def test_a_curve_is_told_last_where_it_does_better_than_every_cause(
+@pytest.mark.parametrize(("score", "told"), [(-200.0, True), (-80.0, False), (-51.0, False)])
+def test_a_curve_is_told_last_where_it_does_far_better_than_every_cause(
     monkeypatch: pytest.MonkeyPatch, score: float, told: bool
 ) -> None:
     """A curve of five numbers stands for what no cause does; effects that do nearly as well come first."""

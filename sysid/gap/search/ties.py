@@ -83,14 +83,15 @@ def with_causes(
     Such an effect, a curve of several numbers, stands for what no cause does. If all are such, sets of
     more effects with fewer parameters among those `judged` count, too. None is returned if no set of causes
     does as well. What ties with the best one of them counts as well, though a description may do better by a
-    little more than a formula may err. Where a description does better than all of these, by more than
-    chance, it comes last: it may be what there is. `floor`, `inflation` and `lacking` are as in `tied`.
+    little more than a formula may err. A description that does better than all of these, by as much as a
+    free term must (`free_sigmas`), comes last: it may be what there is. `floor`, `inflation` and `lacking`
+    are as in `tied`.
     """
     named = tuple(one for one in as_good if not is_description(one))
     if named and is_description(as_good[0]):
         named = _tied_with_best(search, floor, named, judged, inflation, lacking)
     named = named or _simpler_causes(search, floor, as_good, judged, inflation, lacking)
-    least = min((one.score for one in named), default=-math.inf) - THRESHOLDS.tie_sigmas**2
+    least = min((one.score for one in named), default=-math.inf) - THRESHOLDS.free_sigmas**2
     return (*named, *(one for one in as_good if is_description(one) and one.score < least))
 
 

@@ -47,6 +47,7 @@ class PlanarDrives:
     def __init__(self, model: Model, timestep_s: float) -> None:
         self._model, self._robot = model, planar_robot(model, timestep_s)
         self._drives = _rows_of(self._robot)
+        self._limits = BodyLimits(model, self._robot.clocks.timestep_s) if limits_body(model) else None
 
     def drive(self, commands: Commands, duration_s: float, supply: Supply | None = None) -> PlanarPath:
         """Drive the robot from rest at the origin, as `mecanum_env.simulator.drive` does.
@@ -62,8 +63,8 @@ class PlanarDrives:
         step = self._robot.clocks.timestep_s
         time_s: FloatArray = np.arange(math.ceil(duration_s / step - 1e-9) + 1, dtype=np.float64) * step
         ctrl = _sent(commands, len(time_s) - 1, step, self._model.wheel.command_quantum_rpm)
-        if limits_body(self._model):
-            ctrl = BodyLimits(self._model, step).path(ctrl)
+        if self._limits is not None:
+            ctrl = self._limits.path(ctrl)
         lost = None if supply is None else supply.lost_at(time_s[:-1])
         pose, twist, speeds, reached = planar_motion(self._drives, self._robot.body, step, ctrl, lost)
         if reached < len(ctrl):

@@ -90,6 +90,7 @@ class BodyLimits:
 
         The result equals that of n calls of `step` from the start.
         """
+        self._body = (0.0, 0.0, 0.0)
         now = np.arange(len(wheels_rpm), dtype=float) * self._timestep_s
         period, tau = self._drive.command_period_s, self._drive.law.sample_period_s
         latched_at, ticked_at = (_due(now, each) for each in (period, tau))

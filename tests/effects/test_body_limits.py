@@ -86,7 +86,9 @@ def test_all_steps_at_once_are_the_steps_one_by_one(base, delay_s, rate):
     wheels = np.repeat(rng.uniform(-100, 100, (11, 4)), rate // 10, axis=0)[: rate - 3]
     one_by_one = BodyLimits(model, 1 / rate)
     expected = np.array([one_by_one.step(row) for row in wheels])
-    np.testing.assert_array_equal(BodyLimits(model, 1 / rate).path(wheels), expected)
+    at_once = BodyLimits(model, 1 / rate)
+    for _ in range(2):  # each path is from the start
+        np.testing.assert_array_equal(at_once.path(wheels), expected)
 
 
 def test_the_limits_come_after_the_latency(base):

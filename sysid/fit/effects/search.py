@@ -5,6 +5,7 @@ What is fitted are the logs of a model's own fit: of a wheel on the bench, or of
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -114,6 +115,12 @@ class EffectSearch:
     def beside(self, reached: Reached) -> EffectSearch:
         """Return this search from the start of a set."""
         return self._from(reached.base)
+
+    def without(self, cause: str) -> EffectSearch:
+        """Return this search without the effects of a `cause`; it begins as this one does."""
+        search = copy.copy(self)
+        search.known = {name: effect for name, effect in self.known.items() if effect.cause != cause}
+        return search
 
     def grown(self, reached: Reached) -> list[Reached]:
         """Return the sets with one effect more that promise most, and with one in another form, fitted."""

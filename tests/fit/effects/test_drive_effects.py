@@ -1,6 +1,7 @@
 """Law and effects of a drive, fitted together: found where they are, left out where the law is enough."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from mecanum_env.simulator import replay_bench
 from mecanum_env.units import RAD_S_PER_RPM
 from sysid.compare.measured import observe
 from sysid.fit import FitOptions, fit_dataset, fitted_model
-from sysid.fit.effects import find_drive_effects, has_unasked_ceiling
+from sysid.fit.effects import drive, find_drive_effects, has_unasked_ceiling
 from sysid.fit.effects.ceiling import HeldSpeeds
 from sysid.fit.report import fit_json
 from sysid.logs import BenchCommand, Dataset, Run
@@ -136,6 +137,28 @@ def test_a_law_that_predicts_the_validation_runs_better_than_what_is_found_stays
     mixed = [new if run.split == "fit" else run for run, new in zip(runs, other, strict=True)]
     no_such_pole = 0.99 * float(np.max(np.abs(paper_module.wheel.law.poles)))
     assert find_drive_effects(Dataset("mixed", tuple(mixed), ()), paper_module, (), no_such_pole) is None
+
+
+@pytest.mark.parametrize(("share", "named"), [(0.85, {"backlash"}), (0.95, {"coulomb_friction"})])
+def test_a_gap_is_named_only_where_no_other_set_predicts_as_well(monkeypatch, paper_module, share, named):
+    """Quick reversals hardly show a gap, and slow ones, of which the logs have none, consist of it."""
+
+    def searched(searches, began, *_):
+        looked_for = all("backlash" in search.known for search in searches)
+        model, held = paper_module.with_effect("coulomb_friction", torque_n_m=0.1), 0.5 * began[0].held_out
+        if looked_for:
+            model, held = paper_module.with_effect("backlash", gap_deg=20.0), share * held
+        return [
+            SimpleNamespace(
+                model=model, held_out=held, held_out_rpm=held, stated=lambda: (model, np.zeros((6, 6)))
+            )
+        ]
+
+    monkeypatch.setattr(drive, "searched", searched)
+    monkeypatch.setattr(drive, "in_place_of", lambda _, reached, *__, **___: reached[0])
+    found = find_drive_effects(logs(paper_module), paper_module)
+    assert found is not None
+    assert set(found.model.effects) == named
 
 
 @pytest.mark.parametrize(

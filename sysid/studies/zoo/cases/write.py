@@ -45,13 +45,17 @@ def write_bench_case(seed: int, folder: Path, driven: Driven = "other") -> Case:
     """
     case, nominal, changed = bench_draw.draw_bench_case(seed, driven)
     commands = as_recorded(seed, bench_draw.fit_commands(seed, nominal))
-    layout = bench_draw.layout_of(case)
     _write_bench_study(
         folder / "nominal", nominal, commands, STANDARD, (seed, bench_draw.NOISE, 0), _BENCH_SPLITS
     )
-    commands = as_recorded(seed, bench_draw.case_commands(case, nominal))
-    _write_bench_study(folder / "logs", changed, commands, layout, (seed, bench_draw.NOISE, 1), ())
+    write_bench_logs(folder / "logs", changed, bench_draw.case_commands(case, nominal), case)
     return case
+
+
+def write_bench_logs(folder: Path, drive: Drive, commands: Sequence[Commands], case: Case) -> None:
+    """Write logs for a study to a `folder`: the `drive` follows `commands` in the layout of a `case`."""
+    recorded, stream = as_recorded(case.seed, commands), (case.seed, bench_draw.NOISE, 1)
+    _write_bench_study(folder, drive, recorded, bench_draw.layout_of(case), stream, ())
 
 
 def write_robot_case(seed: int, folder: Path, driven: Driven = "other") -> Case:

@@ -1,0 +1,28 @@
+"""Which gaps in the gear a fit keeps, and whether they predict other commands better."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import ModuleType
+
+import pytest
+
+from sysid.fit.effects import drive
+
+
+@pytest.fixture(scope="module")
+def gaps(benchmark_of: Callable[[str], ModuleType]) -> ModuleType:
+    return benchmark_of("fit_gaps")
+
+
+def test_the_page_counts_the_gaps_that_help_among_those_that_are_kept(gaps: ModuleType) -> None:
+    kept, left = 0.99 - drive.GAP_WORTH, 1.01 - drive.GAP_WORTH
+    rows = [
+        gaps.Gap(1, "p", 1.0, 1.1, kept, 0.5, 0.7),
+        gaps.Gap(2, "pi", 0.0, 30.0, kept, 2.0, 0.7),
+        gaps.Gap(3, "pid", 0.0, 20.0, left, 5.0, 1.3),
+    ]
+    text = "\n".join(gaps.page(rows))
+    assert "With a gap 1 of the 2 drives where it is kept are predicted better in other commands" in text
+    assert "0 of the 1 where it is left out" in text
+    assert "| 3 | pid | 0 | 20 | -9.0% | 5 | 1.3 |" in text

@@ -5,6 +5,7 @@ Example: python benchmarks/fit_gaps.py --markdown docs/results/fit_gaps.md
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -116,14 +117,17 @@ def page(found: Sequence[Gap]) -> Iterator[str]:
     kept = [one for one in found if one.share <= 1.0 - drive.GAP_WORTH]
     left = [one for one in found if one not in kept]
     yield (
-        f"A gap is kept if it lowers the validation error by {drive.GAP_WORTH:.0%} or more. With a gap "
-        f"{_better(kept)} of the {len(kept)} drives where it is kept are predicted better in other commands, "
-        f"and {_better(left)} of the {len(left)} where it is left out."
+        f"A gap is kept if it lowers the validation error by {drive.GAP_WORTH:.0%} or more. The error in "
+        f"other commands with the gap is, in the geometric mean, {_ratio(kept):.2f} times that without it "
+        f"for the {len(kept)} drives where it is kept, and {_ratio(left):.2f} times for the {len(left)} "
+        "where it is left out."
     )
 
 
-def _better(found: Sequence[Gap]) -> int:
-    return sum(one.with_rpm < one.without_rpm for one in found)
+def _ratio(found: Sequence[Gap]) -> float:
+    """Return the geometric mean of the errors with a gap over those without, NaN of no drive."""
+    logarithms = [math.log(one.with_rpm / one.without_rpm) for one in found]
+    return math.exp(sum(logarithms) / len(found)) if found else math.nan
 
 
 def _row(one: Gap) -> tuple[str, ...]:

@@ -15,14 +15,14 @@ def gaps(benchmark_of: Callable[[str], ModuleType]) -> ModuleType:
     return benchmark_of("fit_gaps")
 
 
-def test_the_page_counts_the_gaps_that_help_among_those_that_are_kept(gaps: ModuleType) -> None:
+def test_the_page_tells_what_gaps_that_are_kept_and_left_out_do_to_other_commands(gaps: ModuleType) -> None:
     kept, left = 0.99 - drive.GAP_WORTH, 1.01 - drive.GAP_WORTH
     rows = [
-        gaps.Gap(1, "p", 1.0, 1.1, kept, 0.5, 0.7),
-        gaps.Gap(2, "pi", 0.0, 30.0, kept, 2.0, 0.7),
-        gaps.Gap(3, "pid", 0.0, 20.0, left, 5.0, 1.3),
+        gaps.Gap(1, "p", 1.0, 1.1, kept, 0.5, 2.0),
+        gaps.Gap(2, "pi", 0.0, 30.0, kept, 1.0, 1.0),
+        gaps.Gap(3, "pid", 0.0, 20.0, left, 6.0, 1.5),
     ]
     text = "\n".join(gaps.page(rows))
-    assert "With a gap 1 of the 2 drives where it is kept are predicted better in other commands" in text
-    assert "0 of the 1 where it is left out" in text
-    assert "| 3 | pid | 0 | 20 | -9.0% | 5 | 1.3 |" in text
+    assert "0.50 times that without it for the 2 drives where it is kept" in text
+    assert "4.00 times for the 1 where it is left out" in text
+    assert "| 3 | pid | 0 | 20 | -9.0% | 6 | 1.5 |" in text

@@ -31,8 +31,8 @@ from sysid.studies.zoo.cases.bench import draw as bench_draw
 from sysid.studies.zoo.cases.write import write_bench_case, write_bench_logs
 
 SEEDS: Final = (328, 630, 764, 769, 818, 837, 846, 870, 897, 918, 938, 2047, 2056, 2060, 2061, 2066, 2084)
-"""Bench seeds of the zoo in which a fit found a gap, of those that were at hand: 2044-2089 and some fifty of
-184-996."""
+"""Bench seeds of the zoo in which a fit found a gap, of those that were at hand: some fifty of 184-996, which
+are for development, and 2044-2089, whose sealed run was over."""
 HEAD: Final = (
     *("drive", "family", "true gap [deg]", "found [deg]", "validation error by the gap"),
     *("in other commands with it [rpm]", "without [rpm]"),
@@ -48,7 +48,7 @@ class Gap:
     true_deg: float
     found_deg: float
     share: float
-    """Error on the validation runs over that of the fit without a gap, in sigmas."""
+    """Error on the validation runs [sigmas], with the times of the log, over that of the fit without one."""
     with_rpm: float
     """Error in commands that the fit did not drive, where nothing had changed."""
     without_rpm: float
@@ -109,9 +109,11 @@ def page(found: Sequence[Gap]) -> Iterator[str]:
     """Yield the paragraphs of the page."""
     yield "# Results of `python benchmarks/fit_gaps.py`"
     yield (
-        f"{written()} Drives of [the zoo](zoo.md), of development seeds, in whose logs a fit finds a gap in "
-        "the gear if any gap that helps is taken. Each is fitted again without one. Both models then predict "
-        "commands that no fit has seen, in which nothing was changed."
+        f"{written()} Drives of [the zoo](zoo.md), of seeds for development or of sealed runs that are over, "
+        "in whose logs a fit finds a gap in the gear if any gap that helps is taken. Each is fitted again "
+        "without one. Both models then predict commands that no fit has seen, in which nothing was changed. "
+        "A fit that gives each command a time of its own judges a gap beside these; the table has the times "
+        "of the log."
     )
     yield markdown_table(HEAD, [_row(one) for one in found])
     kept = [one for one in found if one.share <= 1.0 - drive.GAP_WORTH]

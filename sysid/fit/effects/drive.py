@@ -145,19 +145,23 @@ def find_drive_effects(
         searches += [search_from(model) for model in anywhere]
         began += [start for search in searches[-len(anywhere) :] if (start := search.begin()) is not None]
 
-    def best_of(searches: Sequence[EffectSearch]) -> Reached | None:
-        reached = searched(searches, began, tell)
-        worthy = in_place_of(first, reached, held_out.whitener.size, is_enough=is_enough)
-        return worthy or (None if is_enough else first)
+    before, before_rpm = held_out.errors(alone)
 
-    best, (before, before_rpm) = best_of(searches), held_out.errors(alone)
+    def best_of(searches: Sequence[EffectSearch]) -> Reached | None:
+        """Return the best set that searches find; None where the law alone stays."""
+        reached = searched(searches, began, tell)
+        best = in_place_of(first, reached, held_out.whitener.size, is_enough=is_enough)
+        best = best or (None if is_enough else first)
+        worse = best is not None and best.held_out**2 > (1.0 if is_enough else _FAR) * before**2
+        return None if worse else best
+
+    best = best_of(searches)
     if best is not None and any(cause_of(name) == GAP for name in best.model.effects):
         tell("without a gap in the gear")
         other = best_of([search.without(GAP) for search in searches])
-        # Where nothing else is found, the law alone is what stays.
         if best.held_out > (1.0 - GAP_WORTH) * (before if other is None else other.held_out):
             best = other
-    if best is None or best.held_out**2 > (1.0 if is_enough else _FAR) * before**2:
+    if best is None:
         return None
     model, of_law = best.stated()
     return DriveEffects(model, of_law, before_rpm, best.held_out_rpm)

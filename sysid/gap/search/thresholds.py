@@ -66,7 +66,7 @@ class Thresholds:
     """Standard deviations by which a free term must predict better than a set, beyond what `formula_error` of
     what the set explains is worth, to deny it its name. Calibrated on drawn drives (bench seeds 0-38,
     300-323): with 3 one of 8 right answers was lost, with 6 none; one wrong answer is denied with either. A
-    curve, which no cause is behind either, is told beside causes from as many on."""
+    curve is such a function, too: it is told beside causes only if it predicts better by as many."""
     most_of_it: float = 0.5
     """Share of the squared difference above the noise from which a set keeps its name although a free term
     does better: it is then most of what happened. Where something random acts, share of the whole squared

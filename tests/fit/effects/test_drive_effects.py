@@ -7,14 +7,17 @@ import numpy as np
 import pytest
 
 from mecanum_env.effects.friction import droop_rpm
+from mecanum_env.model import cause_of
 from mecanum_env.simulator import replay_bench
 from mecanum_env.units import RAD_S_PER_RPM
 from sysid.compare.measured import observe
 from sysid.fit import FitOptions, fit_dataset, fitted_model
-from sysid.fit.effects import drive, find_drive_effects, has_unasked_ceiling
+from sysid.fit.effects import HeldOut, drive, find_drive_effects, has_unasked_ceiling
 from sysid.fit.effects.ceiling import HeldSpeeds
 from sysid.fit.report import fit_json
 from sysid.logs import BenchCommand, Dataset, Run
+from sysid.studies.zoo.cases.write import write_bench_case
+from sysid.studies.zoo.nominal import nominal_model
 
 SAMPLE_S, SECONDS = 1.0 / 120.0, 2.5
 SPLITS = ("fit", "fit", "fit", "fit", "validation", "validation", "test")
@@ -139,26 +142,52 @@ def test_a_law_that_predicts_the_validation_runs_better_than_what_is_found_stays
     assert find_drive_effects(Dataset("mixed", tuple(mixed), ()), paper_module, (), no_such_pole) is None
 
 
-@pytest.mark.parametrize(("share", "named"), [(0.85, {"backlash"}), (0.95, {"coulomb_friction"})])
-def test_a_gap_is_named_only_where_no_other_set_predicts_as_well(monkeypatch, paper_module, share, named):
-    """Quick reversals hardly show a gap, and slow ones, of which the logs have none, consist of it."""
+@pytest.mark.parametrize(
+    ("share", "beside", "named"),
+    [
+        (0.85, 0.5, {"backlash"}),
+        (0.95, 0.5, {"coulomb_friction"}),
+        # What predicts worse than the law alone does not take its place: the gap is judged beside that.
+        (0.85, 1.5, {"backlash"}),
+        (0.95, 1.5, set()),
+        # Nothing else is found.
+        (0.85, None, {"backlash"}),
+        (0.95, None, set()),
+    ],
+)
+def test_a_gap_is_named_only_where_nothing_else_predicts_as_well(
+    monkeypatch, paper_module, share, beside, named
+):
+    """Quick reversals hardly show a gap, and slow ones, of which the logs have none, consist of it.
 
-    def searched(searches, began, *_):
-        looked_for = all("backlash" in search.known for search in searches)
-        model, held = paper_module.with_effect("coulomb_friction", torque_n_m=0.1), 0.5 * began[0].held_out
-        if looked_for:
-            model, held = paper_module.with_effect("backlash", gap_deg=20.0), share * held
-        return [
-            SimpleNamespace(
-                model=model, held_out=held, held_out_rpm=held, stated=lambda: (model, np.zeros((6, 6)))
-            )
-        ]
+    With a gap the error is a `share` of that without; what is found without is `beside` times the law alone.
+    """
+    data = logs(paper_module)
+    alone = HeldOut.of(data).errors(paper_module)[0]
+    friction = paper_module.with_effect("coulomb_friction", torque_n_m=0.1)
+    gap = paper_module.with_effect("backlash/rest", gap_deg=20.0)
+
+    def found_set(model, held):
+        return SimpleNamespace(
+            model=model, held_out=held, held_out_rpm=held, stated=lambda: (model, np.zeros((6, 6)))
+        )
+
+    def searched(searches, *_):
+        if any(effect.cause == "backlash" for search in searches for effect in search.known.values()):
+            return [found_set(gap, share * min(beside or 1.0, 1.0) * alone)]
+        return [] if beside is None else [found_set(friction, beside * alone)]
 
     monkeypatch.setattr(drive, "searched", searched)
-    monkeypatch.setattr(drive, "in_place_of", lambda _, reached, *__, **___: reached[0])
-    found = find_drive_effects(logs(paper_module), paper_module)
-    assert found is not None
-    assert set(found.model.effects) == named
+    monkeypatch.setattr(drive, "in_place_of", lambda _, reached, *__, **___: next(iter(reached), None))
+    found = find_drive_effects(data, paper_module)
+    assert (set() if found is None else {cause_of(name) for name in found.model.effects}) == named
+
+
+@pytest.mark.slow
+def test_a_drive_without_play_that_was_logged_slowly_is_fitted_without_a_gap(tmp_path):
+    case = write_bench_case(2066, tmp_path)
+    assert case.kind == "quiet"
+    assert "backlash" not in {cause_of(name) for name in nominal_model(tmp_path).effects}
 
 
 @pytest.mark.parametrize(

@@ -102,8 +102,7 @@ class Thresholds:
     promise 0.037 at most (robot 11 of the zoo), a hidden limit of the body's speed 0.057 (40). A backlash of
     0.011 (31) is lost, as are smaller ones. Any other set must lower the cost of the model as it is by
     this share there, unless every command sequence shows it alike: beyond their first order effects are not
-    among the model's own error, so that three quiet robots were named some that lowered
-    it by less."""
+    among the model's own error, so that three quiet robots were named some that lowered it by less."""
     least_on_bench: float = 0.25
     """The same of each effect of a set, or each number of a curve, on the bench, in commands that the fit of
     a drive did not drive, where the cost is not plainly visible: what the law lacks acts there in another

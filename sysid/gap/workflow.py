@@ -41,6 +41,7 @@ from sysid.gap.search.one_sequence import OF_ONE, is_asked, least_falls
 from sysid.gap.spending import budget_of, with_studies
 from sysid.gap.unshown import with_unshown
 from sysid.logs import Dataset, Run
+from sysid.logs.common_times import with_common_times
 from sysid.logs.tails import weighted_down
 from sysid.progress import Progress, silent
 
@@ -73,6 +74,8 @@ def analyse(
     dataset, apart = with_runs_apart(dataset)
     budget = budget_of(dataset, model, options)
     fitted_on = None if options.fitted_on is None else weighted_down(options.fitted_on)[0]
+    if fitted_on is not None:
+        dataset, fitted_on = with_common_times(dataset, fitted_on)
     with without_engine_warnings(), one_thread():
         late = AlignedLogs.stated(dataset, model, options.fitted_here)
         if late is None:

@@ -5,6 +5,7 @@
 reader    a folder or file as a `Dataset`; `settings` reads its `dataset.toml`
 runs      columns, runs and datasets, as everything else sees them
 splits    repeats and groups; which runs fit, validate and test
+common_times  when commands were given, told by all repeats together
 checks    findings in a log that a user should know; `quantities` refuses columns in other units
 findings  what a finding is, and its words; `describe` says all of a dataset
 noise     how much repeats differ

@@ -16,6 +16,7 @@ from mecanum_env.samples import MARK, SAMPLES
 from mecanum_env.tables import Table, check_stamps, has_table_suffix, read_table, table_stem
 from mecanum_env.units import FloatArray
 from sysid.logs.checks import dataset_findings, run_findings
+from sysid.logs.common_times import with_common_times
 from sysid.logs.findings import Finding
 from sysid.logs.quantities import refuse_other_unit, refuse_other_wheel, refuse_position, require_speeds
 from sysid.logs.runs import (
@@ -77,7 +78,8 @@ def read_dataset(path: str | os.PathLike[str]) -> Dataset:
     findings += noticed
     findings += [finding for run in runs for finding in run_findings(run)] + dataset_findings(runs)
     name = settings.name or (folder.resolve().name if os.path.isdir(path) else table_stem(path))
-    return Dataset(name, tuple(runs), tuple(findings), _digest(files, settings))
+    (dataset,) = with_common_times(Dataset(name, tuple(runs), tuple(findings), _digest(files, settings)))
+    return dataset
 
 
 def run_files(path: Path) -> list[Path]:

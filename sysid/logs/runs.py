@@ -129,6 +129,9 @@ class Run:
     """Voltage of the supply that counts as full [V], for a piece of a run; None: that of its first sample."""
     weights: Mapping[str, FloatArray] = field(default_factory=dict)
     """How much each sample of a channel counts, shape (n,); 1 for channels without (`sysid.logs.tails`)."""
+    given: FloatArray | None = None
+    """Times [s] after which and by which each row's command was given, shape (2, n), where repeats tell them
+    (`sysid.logs.common_times`); None: it was given after the row before, and by the row that shows it."""
 
     @property
     def level(self) -> Level:
@@ -175,7 +178,13 @@ class Run:
     def command_changes(self) -> tuple[FloatArray, FloatArray]:
         """Return times [s], shape (m,), and wheel commands [rpm], shape (m, 1 or 4), of `command_rows`."""
         rows = self.command_rows()
-        return self.time_s[rows], self.command.wheels_rpm[rows]
+        return self.given_between()[1][rows], self.command.wheels_rpm[rows]
+
+    def given_between(self) -> tuple[FloatArray, FloatArray]:
+        """Return the times [s] after which and by which each row's command was given, (n,) each."""
+        if self.given is not None:
+            return self.given[0], self.given[1]
+        return np.concatenate([[-np.inf], self.time_s[:-1]]), self.time_s
 
     def held_since(self, command_period_s: float) -> FloatArray:
         """Return the earliest time at which the robot may have held each row's command [s], shape (n,).
@@ -184,9 +193,9 @@ class Run:
         looks for a command at multiples of its period. The first row after such a time is taken to show what
         the robot found then: otherwise a command logged 20 us late would be replayed 0.1 s late.
         """
-        looked = np.floor(self.time_s / command_period_s + _ROUNDING) * command_period_s
-        before = np.concatenate([[-np.inf], self.time_s[:-1]])
-        return np.where(looked > before + _ROUNDING * command_period_s, looked, self.time_s)
+        after, by = self.given_between()
+        looked = np.floor(by / command_period_s + _ROUNDING) * command_period_s
+        return np.where(looked > after + _ROUNDING * command_period_s, looked, by)
 
 
 @dataclass(frozen=True, eq=False)

@@ -234,7 +234,7 @@ def _moved_run(
     sure = run.weights.get(SPEED, np.ones(run.time_s.size)) / (1.0 + found.unsure[index])
     weights = {SPEED: np.append(sure, np.ones(extra.size))[order]}
     command = BenchCommand(levels[np.searchsorted(arrivals, times + 1e-9, side="right")])
-    return replace(run, time_s=times, command=command, channels=channels, weights=weights)
+    return replace(run, time_s=times, command=command, channels=channels, weights=weights, given=None)
 
 
 def _held(values: FloatArray) -> FloatArray:

@@ -46,12 +46,13 @@ def changes_of(
 
     A first command other than the wheel's speed is a change, too. Commands are given as stamped or, where the
     drive looks for them every `clock_s` [s], as by `Run.held_since`; with `between_rows` at any time since
-    the row before the one that shows them.
+    the row before the one that shows them (`Run.given_between`).
     """
     found = []
     for index, run in enumerate(runs):
         rows, level = run.command_rows(), start_of(run).initial_rpm
-        since = run.time_s if clock_s is None else run.held_since(clock_s)
+        after, by = run.given_between()
+        since = by if clock_s is None else run.held_since(clock_s)
         for row in rows:
             value = float(run.command.wheels_rpm[row, 0])
             if row == 0 and level != 0.0:
@@ -60,8 +61,8 @@ def changes_of(
             if abs(value - level) > COMMAND_STEP_RPM:
                 stamp = float(since[row])
                 if between_rows and row > 0:
-                    before = float(run.time_s[row - 1])
-                    within = float(run.time_s[row]) - before
+                    before = float(after[row])
+                    within = float(by[row]) - before
                     found.append(Change(index, before, level, value, within, stamp - before))
                 else:
                     found.append(Change(index, stamp, level, value))

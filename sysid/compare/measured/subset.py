@@ -65,6 +65,7 @@ def pieces(run: Run, command_period_s: float) -> Iterator[Run]:
             channels={name: values[rows] for name, values in run.channels.items()},
             full_v=_full_voltage(run),
             weights={name: values[rows] for name, values in run.weights.items()},
+            given=None if run.given is None else run.given[:, rows] - run.time_s[rows][0],
         )
 
 

@@ -75,7 +75,8 @@ def _intervals(runs: Sequence[Run]) -> tuple[FloatArray, FloatArray]:
     found: dict[tuple[int, int], tuple[float, float]] = {}
     for run in runs:
         rows = run.command_rows()[1:]
-        for low, high in zip(run.time_s[rows - 1], run.time_s[rows], strict=True):
+        after, by = run.given_between()
+        for low, high in zip(after[rows], by[rows], strict=True):
             found[round(low * 1e4), round(high * 1e4)] = (float(low) + _SAME_S, float(high) + _EARLY_S)
     ends = np.array(list(found.values()), float).reshape(-1, 2)
     return ends[:, 0], ends[:, 1]

@@ -33,9 +33,10 @@ from sysid.gap.report.held_out import (
 from sysid.gap.report.where import regions
 from sysid.gap.result import CustomProposal, GapOptions, GapReport, Untestable
 from sysid.gap.runs_apart import with_runs_apart
-from sysid.gap.search.chance import chance_gains, expected, smallest_detectable, untestable
+from sysid.gap.search.chance import chance_gains, expected
 from sysid.gap.search.checks import require_movement, require_valid
 from sysid.gap.search.custom import propose
+from sysid.gap.search.detectable import smallest_detectable, untestable
 from sysid.gap.search.known_effects import effects_for, is_meant
 from sysid.gap.search.one_sequence import OF_ONE, is_asked, least_falls
 from sysid.gap.spending import budget_of, with_studies

@@ -21,8 +21,9 @@ from sysid.compare.search_space import EffectSet, effect_set
 from sysid.gap.report.output import gap_json
 from sysid.gap.result import FoundEffect, GapOptions, GapReport, Interval
 from sysid.gap.search import decision
-from sysid.gap.search.chance import Floor, untestable
+from sysid.gap.search.chance import Floor
 from sysid.gap.search.decision import explore
+from sysid.gap.search.detectable import untestable
 from sysid.gap.search.further import residue
 from sysid.gap.search.plain_squares import mean_squares, plainly_larger, removed, removed_of_all
 from sysid.gap.search.responses import Growth, Library, growths, responses

@@ -172,9 +172,48 @@ def test_chance_gains_no_less_than_logs_show_in_which_nothing_changed(
         rng = np.random.default_rng(0)
         return chance_gains(problem, base_fit(problem, EMPTY), library, rng).threshold()
 
+    problem.exchange = None
     once = threshold()
     problem.unchanged = 5.0 * problem.unchanged
     assert threshold() > 5.0 * once
+
+
+def test_chance_gains_no_less_than_runs_do_that_are_exchanged(
+    again: Dataset, nominal: Dataset, base: Model
+) -> None:
+    new, before = of_own_gains(again, seed=6), of_own_gains(nominal, seed=7)
+    problem, _ = compared(new, before, base)
+    library = responses(problem, ["speed_gain", "command_latency"])
+
+    def p_of_best() -> float:
+        """Return how probable the gain of another gain is by chance."""
+        fitted, rng = base_fit(problem, EMPTY), np.random.default_rng(0)
+        change = next(one.change for one in library if one.effect == "speed_gain")
+        gain = float(fitted.residual @ change) ** 2 / float(change @ change)
+        return chance_gains(problem, fitted, library, rng).p_value(gain)
+
+    exchanged = p_of_best()
+    problem.exchange, problem.unchanged = None, np.zeros((problem.size, 0))
+    assert p_of_best() < 0.001
+    assert exchanged > 0.01
+
+
+@pytest.mark.parametrize(("seed", "step_rpm"), [(20, 6.0), (30, 6.0), (40, 6.0)])
+def test_the_steps_of_an_encoder_are_no_gap(
+    bench_logs: MakeLogs, base: Model, wheel: Model, seed: int, step_rpm: float
+) -> None:
+    def counted(seed: int) -> Dataset:
+        """Return logs of an encoder with a phase of its own in each run."""
+        logs, rng = bench_logs(wheel, noise_rpm=0.0), np.random.default_rng(seed)
+        runs = (
+            replace(
+                r, channels={"speed_rpm": step_rpm * np.floor(r.channels["speed_rpm"] / step_rpm + phase)}
+            )
+            for r, phase in zip(logs.runs, rng.random(len(logs.runs)), strict=True)
+        )
+        return replace(logs, runs=tuple(runs), sha256=f"seed {seed}")
+
+    assert study(counted(seed + 1), counted(seed), base).verdict == "no_gap"
 
 
 def test_repeats_that_act_at_other_times_are_noise_of_timing(

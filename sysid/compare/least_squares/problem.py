@@ -28,6 +28,7 @@ from sysid.compare.least_squares.shared_part import shared_part
 from sysid.compare.model_error import (
     KNOWN,
     DifferenceCounts,
+    Exchange,
     Learned,
     Marginal,
     RepeatedCommands,
@@ -127,8 +128,11 @@ class ResidualProblem:
         self.unchanged = np.zeros((self.size, 0))
         """Marginal residuals of bench logs in which nothing changed: what each repeat in the logs of the fit
         shows beside the others, where the same commands are driven again, (N, repeats)."""
+        self.exchange: Exchange | None = None
+        """New runs exchanged with those of the fit, where a wheel drives the same commands again."""
         if isinstance(learned, RepeatedCommands) and self.bench:
             self.unchanged = self.marginal(learned.of_unchanged(whitener))
+            self.exchange = Exchange(whitener, learned.places, self.marginal) if learned.places else None
         self._scatter: dict[Hashable, FloatArray] = {}
 
     @property

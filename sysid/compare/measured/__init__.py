@@ -7,6 +7,7 @@ from sysid.compare.measured.observations import (
     Block,
     Observations,
     Situation,
+    as_compared,
     displacements,
     observe,
 )
@@ -29,6 +30,7 @@ __all__ = [
     "Situation",
     "Start",
     "activity_rpm",
+    "as_compared",
     "changes_from_rest",
     "command_changes",
     "displacements",

@@ -1,6 +1,7 @@
 """How wrong a model may be without a gap: its own error, its uncertain parameters, and whitening by them."""
 
 from sysid.compare.model_error.adopted import as_fitted, covariance_of, with_adopted
+from sysid.compare.model_error.exchange import Exchange, Place
 from sysid.compare.model_error.freedom import KNOWN, DifferenceCounts
 from sysid.compare.model_error.further_repeats import Moved
 from sysid.compare.model_error.known_error import without_known_error
@@ -18,10 +19,12 @@ from sysid.compare.model_error.whitening import Whitener
 __all__ = [
     "KNOWN",
     "DifferenceCounts",
+    "Exchange",
     "Learned",
     "Marginal",
     "ModelError",
     "Moved",
+    "Place",
     "RepeatedCommands",
     "ShapeBasis",
     "Whitener",

@@ -6,12 +6,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import helmert
 
 from mecanum_env.errors import InputError
 from mecanum_env.units import FloatArray
 from sysid.compare.measured import Block, Observations, observe
+from sysid.compare.model_error.series import Series, mean_of
 from sysid.compare.noise import Deviations, holds_of
 from sysid.logs import Dataset, Run
 
@@ -46,6 +46,16 @@ def residuals_of(
             )
 
 
+def series_of(channel: str, beside: Sequence[tuple[Residuals, float]]) -> list[Series]:
+    """Return the residuals of a channel on the clock of a run that each is so much later than [s]."""
+    return [
+        Series(block.time_s - shift, residual, block.weight)
+        for block, residual, shift in (
+            (*one.blocks[channel], shift) for one, shift in beside if channel in one.blocks
+        )
+    ]
+
+
 @dataclass(frozen=True, eq=False)
 class Beside:
     """A block of new logs beside the runs of the fit with the same commands."""
@@ -68,15 +78,10 @@ class Beside:
         Each residual is so much later [s]. So many runs (`alike`) are compared with the same residuals, whose
         error then counts once in all.
         """
-        found = [
-            _Series(of_run.time_s - shift, residual, of_run.weight)
-            for of_run, residual, shift in (
-                (*one.blocks[block.channel], shift) for one, shift in beside if block.channel in one.blocks
-            )
-        ]
+        found = series_of(block.channel, beside)
         if not found:
             return None
-        error, weight = _mean(found, block.time_s)
+        error, weight = mean_of(found, block.time_s)
         # The noise is that of the logs of the fit, where it may have been found to grow with the speed.
         single = np.mean([np.interp(block.time_s, one.time_s, one.weight) for one in found], axis=0)
         variance = 1.0 / np.minimum(block.weight, block.repeats * single) + alike / weight
@@ -85,7 +90,7 @@ class Beside:
         for one in found if len(found) > 1 else ():
             # Its own samples, as those of a new run are: between samples noise is smaller.
             near = one.nearest(block.time_s)
-            others, weight = _mean([other for other in found if other is not one], one.time_s[near])
+            others, weight = mean_of([other for other in found if other is not one], one.time_s[near])
             apart = 1.0 / one.weight[near] + 1.0 / weight
             deviations.append((one.residual[near] - others) / np.sqrt(apart))
             of_runs.append(np.sqrt((1.0 + 1.0 / (len(found) - 1)) / apart))
@@ -111,36 +116,6 @@ class Beside:
     def scatter(self, repeat: int) -> FloatArray:
         """Return the deviations of a repeat with the variance of the difference of both logs, (m,)."""
         return np.asarray(self.deviations[repeat % len(self.deviations)] / np.sqrt(self.block.weight))
-
-
-@dataclass(frozen=True, eq=False)
-class _Series:
-    """The residual of one channel of a run of the fit, on the clock of a new run; arrays of shape (n,)."""
-
-    time_s: FloatArray
-    residual: FloatArray
-    weight: FloatArray
-
-    def nearest(self, at: FloatArray) -> npt.NDArray[np.intp]:
-        """Return the numbers of the samples that are nearest to some times (m,)."""
-        middle = 0.5 * (self.time_s[1:] + self.time_s[:-1])
-        return np.searchsorted(middle, at)
-
-
-def _mean(series: Sequence[_Series], at: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the mean of some residuals at some times (m,), between samples, and its weight, each (m,)."""
-    weights = [np.interp(at, s.time_s, s.weight) / _kept_variance(at, s.time_s) for s in series]
-    values = [np.interp(at, s.time_s, s.residual) for s in series]
-    return np.average(values, axis=0, weights=weights), np.sum(weights, axis=0)
-
-
-def _kept_variance(at: FloatArray, time_s: FloatArray) -> FloatArray:
-    """Return the variance of white noise of unit variance between samples: interpolation takes off some."""
-    if time_s.size < 2:
-        return np.ones(at.size)
-    after = np.clip(np.searchsorted(time_s, at), 1, time_s.size - 1)
-    share = np.clip((at - time_s[after - 1]) / (time_s[after] - time_s[after - 1]), 0.0, 1.0)
-    return np.asarray(share**2 + (1.0 - share) ** 2)
 
 
 def scatters_of(pairs: Sequence[Beside]) -> list[tuple[FloatArray, ...]]:

@@ -28,6 +28,7 @@ from mecanum_env.units import FloatArray
 from sysid.compare.measured import Observations, is_long, observe, pieces
 from sysid.compare.model_error.adopted import as_fitted
 from sysid.compare.model_error.beside import Beside, contrasts_of, residuals_of, scatters_of
+from sysid.compare.model_error.exchange import Place, new_block, places_of
 from sysid.compare.model_error.freedom import KNOWN, DifferenceCounts, freedom_of_each
 from sysid.compare.model_error.further_repeats import FurtherRepeats, Moved, fresh_contrasts
 from sysid.compare.model_error.late_changes import late_changes, settled_noise
@@ -88,6 +89,8 @@ class RepeatedCommands:
     """Independent differences between repeats of a robot's new logs, (m,) for each block."""
     further: FurtherRepeats | None = None
     """Repeats of other commands in the logs of a robot's fit."""
+    places: tuple[Place, ...] = ()
+    """Of each block, where runs on the bench may be exchanged with those of the fit."""
 
     @property
     def noise(self) -> Noise:
@@ -205,17 +208,21 @@ def repeated_commands(
     simulators = Simulators.of(before, settings)
     predicted = simulators.averaged.predictions(as_fitted(model))
     residuals = list(residuals_of(fitted_on, before, predicted))
-    pairs = []
-    for block in observations.blocks:
+    pairs, new = [], []
+    level = first[0].level
+    simulated = Simulators.of(observations, settings).averaged if level == "bench" else None
+    answers = [] if simulated is None else simulated.predictions(as_fitted(model))
+    for number, block in enumerate(observations.blocks):
         shifts = partners[block.situation]
         beside = [(one, shifts[one.run]) for one in residuals if one.run in shifts]
         found = Beside.of(block, beside, groups.count(groups[block.situation]))
         if found is not None:
             pairs.append(found)
+            if answers:
+                new.append(new_block(observations, block, answers[number], beside))
     observations = replace(observations, blocks=tuple(pair.block for pair in pairs))
     noise, freedom = measure_noise(fitted_on, before), freedom_of_each(())
     measured = noise
-    level = first[0].level
     scatters = scatters_of(pairs)
     late: tuple[FloatArray, ...] = ()
     fresh: tuple[tuple[FloatArray, ...], ...] = ()
@@ -249,6 +256,7 @@ def repeated_commands(
         late=late,
         fresh=fresh,
         further=further,
+        places=places_of(observations, new) if scatters else (),
     )
 
 

@@ -1,4 +1,4 @@
-"""What chance does: the cost that a right model has, the gain of a needless effect, what would be seen.
+"""What chance does: the cost that a right model has, and the gain of a needless effect.
 
 A right model leaves noise and, on robots, the scatter of the rollers at the place of the set. The noise
 variance is estimated from finitely many samples, so that the ratio of a cost to it follows an F distribution.
@@ -7,29 +7,28 @@ If a fitted set is the whole truth, its marginal residual is white, except for t
 Drawing such residuals and growing the set by every effect of the library, as the search does, gives the
 distribution of the best gain by chance, whatever the number of effects and their likeness. Only the inner
 products of the responses are needed: the projections U = C' r on unit columns C are normal with covariance
-C' (I + R R') C, where R are the columns of `roller_scatter`. An effect is seen if its response is long enough
-to pass that threshold with probability `power`.
+C' (I + R R') C, where R are the columns of `roller_scatter`.
+
+Noise is seldom normal: an encoder counts in steps, a command comes late now and then. Where a wheel drives
+the commands of the fit again, the runs of both logs are exchanged at random (`Exchange`), and what these
+draws gain or cost counts where it is more.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 from scipy.stats import f as f_distribution
-from scipy.stats import norm
 
-from mecanum_env.effects import CATALOGUE, Effect
 from mecanum_env.units import FloatArray
 from sysid.compare.least_squares import Fitted, ResidualProblem
-from sysid.gap.result import Untestable
 from sysid.gap.search.responses import Response
 from sysid.gap.search.single_run import single_run
 from sysid.gap.search.thresholds import THRESHOLDS
-from sysid.logs.runs import Level
 
 _KNOWN: Final = 1e7
 """Degrees of freedom of a variance that is known exactly, as the F distribution takes them."""
@@ -100,9 +99,13 @@ def misfit(problem: ResidualProblem, fitted: Fitted[Any], floor: Floor) -> float
     """Return the probability that a right model has at least the cost of a set; 1 if nobody can tell."""
     if not floor.trusted:
         return 1.0
-    return floor.chance(
+    normal = floor.chance(
         (fitted.cost - _of_one_run(problem, fitted)) / expected(problem, fitted), problem.size
     )
+    if normal > floor.false_alarm:
+        return normal
+    costs = exchanged_costs(problem, fitted, floor.false_alarm)
+    return max(normal, _share_above(costs, fitted.cost)) if costs.size else normal
 
 
 def odd_run(problem: ResidualProblem, fitted: Fitted[Any], floor: Floor) -> str:
@@ -133,7 +136,45 @@ def complete(problem: ResidualProblem, fitted: Fitted[Any], floor: Floor) -> boo
     if not floor.trusted or fitted.cost <= problem.size * ratio:
         # The scatter, which takes simulations, could only add to what is allowed.
         return floor.trusted
-    return fitted.cost - _of_one_run(problem, fitted) <= expected(problem, fitted) * ratio
+    if fitted.cost - _of_one_run(problem, fitted) <= expected(problem, fitted) * ratio:
+        return True
+    return fitted.cost <= _by_exchange(problem, fitted, floor)
+
+
+def exchanged_costs(problem: ResidualProblem, fitted: Fitted[Any], false_alarm: float) -> FloatArray:
+    """Return sorted costs that a set would have, if it is the truth, by exchanges with the runs of the fit.
+
+    It is empty where these runs cannot be exchanged often enough for a `false_alarm` of that probability, or
+    where a new run differs from its repeats as none of the fit does.
+    """
+    exchange = problem.exchange
+    if exchange is None or not _is_exchangeable(problem, false_alarm) or not exchange.alike:
+        return np.zeros(0)
+    nothing = np.zeros((problem.size, 0))
+    return np.sort(
+        exchange.drawn(np.random.default_rng(_SEED), _draws(false_alarm), fitted.residual, nothing)[1]
+    )
+
+
+def _by_exchange(problem: ResidualProblem, fitted: Fitted[Any], floor: Floor) -> float:
+    """Return the cost that a right model exceeds in a false alarm, by exchanged runs; 0 without them."""
+    costs = exchanged_costs(problem, fitted, floor.false_alarm)
+    return float(np.quantile(costs, 1.0 - floor.false_alarm)) if costs.size else 0.0
+
+
+def _is_exchangeable(problem: ResidualProblem, false_alarm: float) -> bool:
+    """Return whether the true labelling is so rare among all that it is no false alarm by itself."""
+    return problem.exchange is not None and problem.exchange.labellings * false_alarm >= _RARE
+
+
+def _draws(false_alarm: float) -> int:
+    """Return how many draws tell what is exceeded in a `false_alarm` of that probability."""
+    return math.ceil(THRESHOLDS.draws * max(1.0, min(THRESHOLDS.false_alarm / false_alarm, _MOST_DRAWS)))
+
+
+def _share_above(drawn: FloatArray, value: float) -> float:
+    """Return the probability of at least a `value` among those that were `drawn`, sorted."""
+    return (drawn.size - int(np.searchsorted(drawn, value, side="left")) + 1.0) / (drawn.size + 1.0)
 
 
 def enough(
@@ -148,15 +189,21 @@ def enough(
         return True
     right = expected(problem, fitted) if right is None else right
     allowed = right * floor.largest_ratio(problem.size)
+    left = fitted.cost - _of_one_run(problem, fitted)
     explained = float(np.sum((base.residual - fitted.residual) ** 2))
     share = THRESHOLDS.adequate_residual**2 / max(1, len(fitted.names))
-    return fitted.cost - _of_one_run(problem, fitted) <= allowed + share * explained
+    if left <= allowed + share * explained:
+        return True
+    return left <= _by_exchange(problem, fitted, floor) + share * explained
 
 
 _MOST_DRAWS: Final = 32.0
 """Largest number of draws in those of a first study: enough for six studies of the same logs."""
-_NO_RESPONSE: Final = 0.1
-"""Length of a response, in noise sigmas over all samples, below which nothing measured depends on it."""
+_RARE: Final = 10.0
+"""Labellings of exchanged runs for each that a false alarm may have, from which exchanges tell what chance
+does: the true one and those near it are then a small part of them. Assumed."""
+_SEED: Final = 0
+"""Of the exchanges that tell what cost a right model has."""
 
 
 @dataclass(frozen=True)
@@ -176,8 +223,7 @@ class ChanceGains:
 
     def p_value(self, gain: float) -> float:
         """Return the probability of at least this `gain` by chance."""
-        above = self.gains.size - int(np.searchsorted(self.gains, gain / self.scale, side="left"))
-        return (above + 1.0) / (self.gains.size + 1.0)
+        return _share_above(self.gains, gain / self.scale)
 
 
 def chance_gains(
@@ -191,13 +237,14 @@ def chance_gains(
     """Simulate the best gain of a fitted set by one more effect, if the set is the truth.
 
     `library` holds the responses of the effects that were considered. For rarer false alarms than usual there
-    are as many more draws. Where logs are at hand in which nothing changed, the gains are scaled to what
-    these show on average, if that is more: noise that is not normal, such as a few late responses, looks more
-    like an effect. Where few differences of a robot's runs tell what varies from run to run (their `count`,
-    by default that of all), gains are larger now and then (`ResidualProblem.luck`).
+    are as many more draws. Where the runs can be exchanged with those of the fit, each quantile is that of
+    exchanges, if that is more. Where they cannot, yet logs are at hand in which nothing changed, the gains
+    are scaled to what these show on average, if that is more: noise that is not normal, such as a few late
+    responses, looks more like an effect. Where few differences of a robot's runs tell what varies from run
+    to run (their `count`, by default that of all), gains are larger now and then (`ResidualProblem.luck`).
     """
     scatter = roller_scatter(problem, fitted)
-    draws = math.ceil(THRESHOLDS.draws * max(1.0, min(THRESHOLDS.false_alarm / false_alarm, _MOST_DRAWS)))
+    draws = _draws(false_alarm)
     orthogonal = np.linalg.qr(fitted.jacobian)[0]
     units, owners = [], []
     for response in library:
@@ -212,10 +259,16 @@ def chance_gains(
     scores = rng.standard_normal((draws, len(units))) @ _root(columns.T @ columns).T
     scores += rng.standard_normal((draws, scatter.shape[1])) @ (scatter.T @ columns)
     count = problem.difference_counts.every if count is None else count
-    gains = _best_gains(scores, columns, owners) * problem.luck(rng, draws, count)
+    gains = np.sort(_best_gains(scores, columns, owners) * problem.luck(rng, draws, count))
+    if problem.exchange is not None and _is_exchangeable(problem, false_alarm):
+        scores, costs = problem.exchange.drawn(rng, draws, fitted.residual, columns)
+        exchanged = _best_gains(scores, columns, owners)
+        # Beside a gain, the decision counts what is left as noise.
+        exchanged /= np.maximum(1.0, (costs - exchanged) / problem.size)
+        return ChanceGains(np.maximum(gains, np.sort(exchanged)), false_alarm)
     shown = _best_gains(problem.unchanged.T @ columns, columns, owners)
     scale = float(np.mean(shown) / np.mean(gains)) if shown.size else 1.0
-    return ChanceGains(np.sort(gains), false_alarm, max(1.0, scale))
+    return ChanceGains(gains, false_alarm, max(1.0, scale))
 
 
 def _best_gains(scores: FloatArray, columns: FloatArray, owners: Sequence[Response]) -> FloatArray:
@@ -244,106 +297,3 @@ def _root(covariance: FloatArray) -> FloatArray:
     values, vectors = np.linalg.eigh(covariance)
     root: FloatArray = vectors * np.sqrt(np.maximum(values, 0.0))
     return root
-
-
-def smallest_detectable(
-    library: Sequence[Response], threshold: float, least: Mapping[str, float]
-) -> dict[str, dict[str, float]]:
-    """Return effect -> parameter -> smallest value that would be seen with 90 % probability.
-
-    Seen is what lowers the cost by a `threshold`, and by the `least` fall that an effect needs, if any. A
-    parameter of which no value would be seen is left out. `library` holds the responses of the effects on
-    these logs.
-    """
-    found: dict[str, dict[str, float]] = {}
-    by_parameter: dict[tuple[str, str], list[Response]] = {}
-    for response in library:
-        if not any(coordinate.like for coordinate in response.chosen.coordinates):
-            key = response.effect, response.chosen.coordinates[0].parameter
-            by_parameter.setdefault(key, []).append(response)
-    for (name, parameter), own in by_parameter.items():
-        fall = max(threshold, least.get(name, 0.0))
-        value = _smallest(own, float((np.sqrt(fall) + norm.ppf(THRESHOLDS.power)) ** 2))
-        if value is not None:
-            found.setdefault(name, {})[parameter] = value
-    return found
-
-
-def untestable(
-    considered: Sequence[str],
-    library: Sequence[Response],
-    detectable: Mapping[str, Mapping[str, float]],
-    level: Level,
-    columns: Collection[str],
-    *,
-    command_falls: bool = True,
-) -> tuple[Untestable, ...]:
-    """Return which of the considered effects logs of a level could not show, with the reason.
-
-    `library` holds their responses, `detectable` is from `smallest_detectable`; `columns` are those of the
-    logs, and `command_falls` is as in `Dataset`.
-    """
-    found = []
-    for name, effect in CATALOGUE.items():
-        if name in considered and name not in detectable:
-            lengths = [response.length for response in library if response.effect == name]
-            found.append(Untestable(name, _unseen(effect, lengths), {}))
-        elif not effect.unsearched_on and not effect.readable_in(columns):
-            missing = " and ".join(column for column in effect.reads if column not in columns)
-            found.append(Untestable(name, f"these logs have no {missing}, which it follows: log it", {}))
-        elif level == "bench" and effect.needs_falling_command and not command_falls:
-            reason = (
-                "no command of these logs falls or reverses, and a gap that is passed once, at the start, is "
-                "no other than a delay: drive reversals"
-            )
-            found.append(Untestable(name, reason, {}))
-        elif effect.simulated and level == "bench" and "bench" in effect.absent_from:
-            found.append(Untestable(name, f"a bench log has no {effect.acts_on}: record a robot log", {}))
-        elif level == "bench" and name == effect.cause and effect.unsearched_on == ("bench",):
-            reason = "a bench log does not tell it from the friction that it makes larger: record a robot log"
-            found.append(Untestable(name, reason, {}))
-    return tuple(found)
-
-
-def _unseen(effect: Effect, lengths: Sequence[float]) -> str:
-    """Return why logs could not show an effect, from how much each size that was simulated changes them."""
-    if not lengths:
-        return "no size of it could be simulated with this model"
-    if max(lengths) > _NO_RESPONSE:
-        return (
-            "even the largest size of the search would change these logs by less than noise or the "
-            "model's own error does"
-        )
-    return f"no measured channel responds to it under the {_given(effect)} of these logs"
-
-
-def _given(effect: Effect) -> str:
-    """Return what an effect needs to show, in words."""
-    return " and ".join(("commands", *effect.reads))
-
-
-def _smallest(own: Sequence[Response], needed: float) -> float | None:
-    """Return the value of a parameter whose response has the squared length `needed`, None if none has."""
-    if own[0].linear:
-        response = max(own, key=lambda r: r.length)
-        if response.length <= _NO_RESPONSE:
-            return None
-        first, neutral = response.chosen.coordinates[0], response.chosen.coordinates[0].neutral_place
-        at = neutral + (float(response.place[0]) - neutral) * np.sqrt(needed) / response.length
-        return first.value(float(at)) if -1e-9 <= at <= 1.0 + 1e-9 else None
-    # Linear interpolation between the sizes that were simulated.
-    best: dict[float, float] = {}
-    for response in own:
-        best[response.size] = max(best.get(response.size, 0.0), response.length)
-    sizes = np.array([0.0, *sorted(best)])
-    lengths = np.array([0.0, *(best[size] for size in sorted(best))])
-    longest = np.maximum.accumulate(lengths)
-    target = float(np.sqrt(needed))
-    if longest[-1] < target:
-        return None
-    index = int(np.argmax(longest >= target))
-    part = (target - longest[index - 1]) / max(longest[index] - longest[index - 1], 1e-12)
-    size = sizes[index - 1] + part * (sizes[index] - sizes[index - 1])
-    first = own[0].chosen.coordinates[0]
-    direction = np.sign(float(own[0].place[0]) - first.neutral_place)
-    return first.value(float(np.clip(first.neutral_place + direction * size, 0.0, 1.0)))

@@ -10,8 +10,8 @@ import numpy as np
 from sysid.compare.least_squares import ResidualProblem
 from sysid.compare.measured import observe, pieces
 from sysid.compare.model_error import DifferenceCounts, Moved, RepeatedCommands, Whitener, repeated_commands
-from sysid.compare.model_error.beside import _kept_variance
 from sysid.compare.model_error.repeated import _calibrated
+from sysid.compare.model_error.series import _kept_variance
 from sysid.logs import Dataset
 from tests.compare.repeated_logs import GAIN, MODEL, NOISE, NOMINAL, PLANAR, logs
 

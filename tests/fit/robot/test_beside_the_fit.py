@@ -15,8 +15,9 @@ from sysid.compare.model_error import Learned, Whitener, learn
 from sysid.compare.predicted import SimulationSettings
 from sysid.compare.search_space import EffectSet, effect_set
 from sysid.gap.search.beyond_fit import beyond_fit, largest_ratio, without_first_order
-from sysid.gap.search.chance import Floor, smallest_detectable
+from sysid.gap.search.chance import Floor
 from sysid.gap.search.decision import _inflation, _is_systematic
+from sysid.gap.search.detectable import smallest_detectable
 from sysid.gap.search.responses import Library, responses
 from sysid.gap.search.scores import group_masks, rises
 from sysid.gap.search.sets import EMPTY, Search

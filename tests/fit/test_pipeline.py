@@ -10,6 +10,7 @@ from mecanum_env.errors import InputError
 from sysid.fit import Fit, FitOptions, fit_dataset, fit_json, fitted_model
 from sysid.fit.estimators import METHODS
 from sysid.logs import BenchCommand, Dataset, Finding, Run
+from tests.fit.conftest import bench_run
 
 QUICK = FitOptions(starts=2)
 ALONE = replace(QUICK, effects="off")
@@ -50,6 +51,28 @@ def test_a_ceiling_is_found_where_commands_go_beyond(bench: Callable[..., Datase
     fit = fit_dataset(bench(largest_rpm=130.0, ceiling_rpm=70.0), ALONE)
     assert fitted_model(fit).wheel.saturation_rpm == pytest.approx(70.0, abs=1.0)
     assert any("ceiling of" in note for note in fit.notes)
+
+
+@pytest.mark.parametrize("ceiling_rpm", [135.0, np.inf])
+def test_the_assumed_ceiling_goes_where_held_out_speeds_contradict_it(ceiling_rpm: float) -> None:
+    rng, runs = np.random.default_rng(0), []
+    for number, split in enumerate(("fit", "fit", "validation", "test")):
+        # Commands beyond the ceiling end before the wheel could stay there, and are only in held-out runs.
+        largest = 100.0 if split == "fit" else 170.0
+        levels = np.tile([0.0, largest, -0.5 * largest, 0.7 * largest], 4)
+        name = f"run_{number}.csv"
+        runs.append(bench_run(name, levels, rng=rng, split=split, hold_s=0.1, ceiling_rpm=ceiling_rpm))
+    fit = fit_dataset(Dataset("fast", tuple(runs), ()), ALONE)
+    assert fit.path.saturation_rpm == ceiling_rpm
+    note = "clipped at the assumed 135 rpm" if np.isfinite(ceiling_rpm) else "the ceiling is not assumed"
+    assert any(note in text for text in fit.notes)
+    assert fit.methods["output-error"].errors["test"].rms_rpm < 0.6
+
+
+def test_a_ceiling_that_is_given_is_kept(bench: Callable[..., Dataset]) -> None:
+    data = bench(largest_rpm=130.0, ceiling_rpm=np.inf)
+    fit = fit_dataset(data, replace(ALONE, saturation_rpm=100.0))
+    assert fit.path.saturation_rpm == 100.0
 
 
 def test_another_gain_is_pointed_out_and_fitted_on_request(bench: Callable[..., Dataset]) -> None:

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from sysid.fit.drive.choice import choose_clock, choose_drive, delay_is_vague
+from sysid.fit.drive.choice import choose_ceiling, choose_clock, choose_drive, delay_is_vague
 from sysid.fit.drive.command_path import CommandPath
 from sysid.fit.drive.fitter import LawFitter, fitter_of
 from sysid.fit.drive.law_fit import LawFit
@@ -45,6 +45,9 @@ def fit_behind(path: CommandPath, dataset: Dataset, options: FitOptions, progres
         lambda: choose_clock(dataset, fitter, sigma, options.command_period_s is not None or path.exact)
     )
     notes += [note] if note else []
+    if options.saturation_rpm is None:
+        fitter, plain, runs, note = choose_ceiling(dataset, fitter, sigma, plain, runs)
+        notes += [note] if note else []
     path = fitter.path
     if not known:
         sigma = _residual_sigma(sigma, plain)

@@ -30,6 +30,9 @@ _OTHER_CLOCK: Final = 0.5
 """Largest cost, relative to that with the commands as stamped, with which another clock is believed. Assumed.
 Of 15 drawn drives (of bench seeds 300-399) that clock made the cost of ten 1.3 to 42 times as large, changed
 nothing for two, and lowered that of three, where the law fits badly, to .75, .80 and .90."""
+_WITHOUT_CEILING: Final = 0.5
+"""Largest squared error without the assumed ceiling, relative to that with it, with which it is dropped.
+Assumed, as for the clock: the ceiling is a fact of the platform."""
 _VAGUE: Final = 0.5
 """Relative standard error above which a delay counts as unknown."""
 
@@ -60,6 +63,45 @@ def choose_clock(
         return (*tried[0], None)
     note = f"commands fit better latched every {COMMAND_PERIOD_S:g} s from each run's start than as stamped"
     return (*best, note)
+
+
+def choose_ceiling(
+    dataset: Dataset, fitter: LawFitter, sigma_rpm: Mapping[str, float], plain: Estimate, runs: Runs
+) -> tuple[LawFitter, Estimate, Runs, str | None]:
+    """Fit without the ceiling that the command path assumes, and drop it where bench logs contradict it.
+
+    A wheel that is slow to follow need not stay at any speed beyond the ceiling to show that its drive has
+    none. Both laws are compared in the fit and validation runs, where they differ by more than the noise
+    `sigma_rpm` of each column [rpm]. `plain` was fitted to the `runs` behind the ceiling.
+
+    Return the fitter with the better command path, its estimate, its runs, and a note if the ceiling goes.
+    """
+    path = fitter.path
+    asked = max(float(np.max(np.abs(run.command.wheels_rpm))) for run in dataset.runs)
+    if dataset.level != "bench" or asked <= path.saturation_rpm:
+        return fitter, plain, runs, None
+    free = replace(fitter, path=replace(path, saturation_rpm=math.inf))
+    free_runs = runs_by_split(dataset, free.path, sigma_rpm)
+    other = free.run(pooled(free_runs["fit"]), delay_s=plain.delay_s)
+    before, after = _in_sigmas(runs, plain), _in_sigmas(free_runs, other)
+    differ = np.abs(after - before) > 1.0
+    with_ceiling, without = float(np.sum(before[differ] ** 2)), float(np.sum(after[differ] ** 2))
+    if without >= _WITHOUT_CEILING * with_ceiling:
+        return fitter, plain, runs, None
+    samples = fitter.effective_share * np.count_nonzero(differ)
+    if samples * math.log(with_ceiling / max(without, 1e-12)) < VERY_STRONG:
+        return fitter, plain, runs, None
+    note = (
+        f"commands reach {asked:.0f} rpm, and the speeds follow them as without the robot's ceiling of "
+        f"{path.saturation_rpm:g} rpm: the ceiling is not assumed"
+    )
+    return free, other, free_runs, note
+
+
+def _in_sigmas(runs: Runs, found: Estimate) -> FloatArray:
+    """Return the residual on the fit and validation runs, in their noise."""
+    data = pooled(runs["fit"]) + pooled(runs["validation"])
+    return np.concatenate([residual(run, found) / run.sigma_rpm for run in data])
 
 
 def choose_drive(runs: Runs, fitter: LawFitter, plain: Estimate, *, delay: bool) -> Estimate:

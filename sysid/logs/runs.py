@@ -53,6 +53,9 @@ Split: TypeAlias = Literal["fit", "validation", "test"]
 Level: TypeAlias = Literal["bench", "robot"]
 SPLITS: Final[tuple[Split, ...]] = get_args(Split)
 _ROUNDING: Final = 1e-6  # rounding error of stamps that a program has converted, in command periods
+_NEAR_ROWS: Final = 0.01
+"""Share of the time since the row before by which a row may come before a clock's time and count as at it.
+Assumed: stamps of microseconds, and of loops that are even to a hundredth."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,10 +194,12 @@ class Run:
 
         A log shows a command in the first row after it was given, and stamps are never quite even. The robot
         looks for a command at multiples of its period. The first row after such a time is taken to show what
-        the robot found then: otherwise a command logged 20 us late would be replayed 0.1 s late.
+        the robot found then: otherwise a command logged 20 us late would be replayed 0.1 s late. A row just
+        before such a time counts as at it: where the rows themselves are the clock, it is theirs.
         """
         after, by = self.given_between()
-        looked = np.floor(by / command_period_s + _ROUNDING) * command_period_s
+        near = np.where(np.isfinite(after), _NEAR_ROWS * (by - after), 0.0) / command_period_s
+        looked = np.floor(by / command_period_s + np.maximum(_ROUNDING, near)) * command_period_s
         return np.where(looked > after + _ROUNDING * command_period_s, looked, by)
 
 

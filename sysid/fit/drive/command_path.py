@@ -147,6 +147,10 @@ def _command_clock(dataset: Dataset, sample_period_s: float | None, notes: list[
         return min(fast), False
     said = f"commands do not change on a {COMMAND_PERIOD_S:g} s clock that starts with the run"
     row = float(np.median(rows))
+    # Stamps are rounded: over many rows a clock of the median interval would run ahead of them, or behind.
+    whole = [max(1, round(run.duration_s / one)) for run, one in zip(dataset.runs, rows, strict=True)]
+    mean = float(np.median([run.duration_s / count for run, count in zip(dataset.runs, whole, strict=True)]))
+    row = row if math.isclose(row, mean) else mean
     if 1.0 / LAW_RATE_HZ < row < COMMAND_PERIOD_S and all(_on_clock(t, row, 0.02 * row) for t in changes):
         notes.append(f"{said}, but on the log's own of {row:g} s, which is taken as command_period_s")
         return row, True

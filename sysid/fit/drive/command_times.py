@@ -140,8 +140,9 @@ def _aligned(plain: LawFit, found: LawFit, *, between_rows: bool) -> AlignedLogs
     if interval > UNSEEN_TICKS * shortest * (1.0 + 1e-6):
         # In whole ticks per sample a law could alternate from tick to tick unseen.
         tick = interval / _PARTS
-    clock = LinkClock(tick, path.command_period_s if path.latched else None)
-    # Between rows nothing tells on which clock the drive looks for commands.
+    # Between rows nothing tells on which clock the drive looks for commands, least of all one of rows.
+    latched = path.latched and not between_rows
+    clock = LinkClock(tick, path.command_period_s if latched else None)
     period = tick if between_rows else path.command_period_s
     wheel = replace(wheel_model(found.path, found.estimate), command_period_s=period)
     given = with_stamps(Model(wheel, plain.options.robot), 0.0 if between_rows else None)

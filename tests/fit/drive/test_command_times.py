@@ -55,15 +55,18 @@ def test_one_delay_for_all_commands_is_no_late_link() -> None:
     assert fitted_model(fit).effects["command_latency"]["delay_s"] == pytest.approx(MEAN_S, abs=0.01)
 
 
-def rows_logs(*, between: bool) -> Dataset:
-    """Return runs with rows 40 ms apart of a wheel whose commands are given between these, or at them."""
+def rows_logs(*, between: bool, row_s: float = 0.04) -> Dataset:
+    """Return runs with rows `row_s` apart of a wheel whose commands are given between these, or at them.
+
+    Stamps are in whole microseconds, as in a file.
+    """
     model = paper_model()
     fine = replace(model, wheel=replace(model.wheel, command_period_s=1.0 / 480.0))
     rng, runs = np.random.default_rng(4), []
-    time = np.arange(0.0, 5.0, 0.04)
+    time = np.round(np.arange(0.0, 5.0, row_s), 6)
     for index in range(8):
         sent = 0.3 + 0.5 * np.arange(9) + rng.uniform(0.0, 0.2, 9)
-        sent = sent if between else np.ceil(sent / 0.04) * 0.04
+        sent = sent if between else time[np.searchsorted(time, sent)]
         levels = np.append(0.0, rng.permutation(np.linspace(-110.0, 105.0, 9)).round())
         clock, true = bench_motion(fine, np.append(0.0, sent), levels, float(time[-1]))
         speed = np.interp(time, clock, true) + 0.3 * rng.standard_normal(time.size)
@@ -97,10 +100,22 @@ def test_commands_between_rows_are_fitted_where_they_were_given(between: Fit) ->
     assert error_rpm(aligned.model, aligned.dataset) < 0.4 * error_rpm(described, between.link.logs)
 
 
-def test_commands_at_rows_are_taken_as_stamped() -> None:
-    fit = fit_dataset(rows_logs(between=False), QUICK)
+def test_rounded_stamps_are_no_clock_of_commands_between_rows() -> None:
+    # The median interval is a little longer than most: a clock of that period runs ahead of the rows.
+    rows = rows_logs(between=True, row_s=0.0428688413)
+    fit = fit_dataset(rows, QUICK)
+    assert fit.link is not None
+    assert late_between_rows(fitted_model(fit)) is not None
+
+
+@pytest.mark.parametrize("row_s", [0.04, 0.0428688413])
+def test_commands_at_rows_are_taken_as_stamped(row_s: float) -> None:
+    fit = fit_dataset(rows_logs(between=False, row_s=row_s), QUICK)
     assert fit.link is None
-    assert late_between_rows(fitted_model(fit)) is None
+    described = fitted_model(fit)
+    assert late_between_rows(described) is None
+    # The wheel answers the command of a row at once, not a row later.
+    assert described.wheel.law.D > 0.3
 
 
 def test_times_that_hardly_help_beside_effects_are_not_adopted(

@@ -41,9 +41,7 @@ class _Sequence:
     """Time by which it did, (c,)."""
 
     def with_run(self, run: Run) -> _Sequence | None:
-        """Return the sequence with a further run; None if their times exclude each other."""
-        if not run.finite("speed_rpm").any() or not np.array_equal(_levels(run), _levels(self.runs[0])):
-            return None
+        """Return the sequence with a further run of its levels; None if their times exclude each other."""
         after, by = _between(run)
         after, by = np.maximum(after, self.after_s), np.minimum(by, self.by_s)
         return _Sequence((*self.runs, run), after, by) if np.all(after < by) else None
@@ -72,19 +70,21 @@ def with_common_times(dataset: Dataset, *others: Dataset) -> tuple[Dataset, ...]
     given = (dataset, *others)
     if any(one.level != "bench" for one in given):
         return given
-    sequences: list[_Sequence] = []
-    for run in (run for one in given for run in one.runs):
+    alike: dict[bytes, list[_Sequence]] = {}
+    for run in (run for one in given for run in one.runs if run.finite("speed_rpm").any()):
+        sequences = alike.setdefault(_levels(run).tobytes(), [])
         for index, known in enumerate(sequences):
             if (larger := known.with_run(run)) is not None:
                 sequences[index] = larger
                 break
         else:
             sequences.append(_Sequence((run,), *_between(run)))
-    doubtful = [sequence for sequence in sequences if sequence.apart > _APART]
+    every = [sequence for sequences in alike.values() for sequence in sequences]
+    doubtful = [sequence for sequence in every if sequence.apart > _APART]
     if not doubtful or not _are_common(doubtful):
         return given
-    timed = {id(run): sequence.timed(run) for sequence in sequences for run in sequence.runs}
-    return tuple(replace(one, runs=tuple(timed[id(run)] for run in one.runs)) for one in given)
+    timed = {id(run): sequence.timed(run) for sequence in every for run in sequence.runs}
+    return tuple(replace(one, runs=tuple(timed.get(id(run), run) for run in one.runs)) for one in given)
 
 
 def _levels(run: Run) -> FloatArray:

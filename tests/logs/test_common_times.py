@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mecanum_env.model import paper_model
+from mecanum_env.model import Model, paper_model
 from mecanum_env.simulator import replay_bench
 from sysid.compare.measured import pieces
-from sysid.logs import BenchCommand, BodyCommand, Dataset, Run
+from sysid.gap import workflow
+from sysid.gap.result import GapOptions
+from sysid.logs import BenchCommand, BodyCommand, Dataset, Run, read_dataset
 from sysid.logs.common_times import with_common_times
 
 ROW_S = 0.02
@@ -51,6 +55,37 @@ def test_repeats_that_show_a_command_a_row_apart_were_given_it_at_one_time() -> 
     changes = [one.command_changes()[0][1:] for one in timed.runs]
     assert np.ptp(changes, axis=0).max() == 0.0
     np.testing.assert_allclose(changes[0], SENT_S, atol=2e-3)
+
+
+def test_a_folder_is_read_with_the_times_of_all_its_repeats(tmp_path: Path) -> None:
+    for one in map(run, range(4)):
+        columns = zip(one.time_s, one.command.wheels_rpm[:, 0], one.channels["speed_rpm"], strict=True)
+        rows = ["time_s,command_rpm,speed_rpm", *(f"{t:.6f},{c:g},{v:.3f}" for t, c, v in columns)]
+        (tmp_path / one.file).write_text("\n".join(rows) + "\n", encoding="utf-8")
+    changes = [one.command_changes()[0] for one in read_dataset(tmp_path).runs]
+    assert np.ptp(changes, axis=0).max() == 0.0
+
+
+def test_a_study_beside_the_fit_takes_the_times_of_both_logs() -> None:
+    late = [seed for seed in range(60) if run(seed).command_changes()[0][1] > SENT_S[0] + 0.5 * ROW_S]
+    early = [seed for seed in range(60) if seed not in late]
+    before, after = logs(*map(run, late[:4])), logs(*map(run, early[:4]))
+    before = replace(before, sha256="before")
+    other = [replace(r, group="b", split="validation", file=f"b{r.file}") for r in after.runs]
+    after = replace(after, runs=(*after.runs, *other), sha256="after")
+    seen: list[Dataset] = []
+
+    def stop(dataset: Dataset, _model: Model, options: GapOptions, *_: object) -> NoReturn:
+        assert options.fitted_on is not None
+        seen.extend((dataset, options.fitted_on))
+        raise InterruptedError
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(workflow, "_analyse", stop)
+        with pytest.raises(InterruptedError):
+            workflow.analyse(after, WHEEL, GapOptions(fitted_on=before))
+    times = [one.command_changes()[0] for dataset in seen for one in dataset.runs]
+    assert np.ptp(times, axis=0).max() == 0.0
 
 
 def test_repeats_that_move_when_they_show_a_command_keep_their_times() -> None:

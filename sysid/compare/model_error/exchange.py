@@ -66,6 +66,8 @@ class NewBlock:
     """What the model errs by in each run that the block averages, shape (runs, m)."""
     of_fit: tuple[Series, ...]
     """The same in the runs of the fit, on the clock of the block."""
+    files: tuple[str, ...]
+    """Names of the runs of the fit."""
     later_s: float
     """By how much later the first run of the fit was sent the commands [s]."""
 
@@ -90,16 +92,23 @@ def new_block(
     for run in situation.runs:
         value = block.of(as_compared(run.time_s, run.channels))
         values.append(np.where(np.isfinite(value), value, block.value) - predicted)
-    return NewBlock(block, np.array(values), tuple(series_of(block.channel, beside)), beside[0][1])
+    of_fit = tuple(series_of(block.channel, beside))
+    return NewBlock(block, np.array(values), of_fit, tuple(one.run.file for one, _ in beside), beside[0][1])
 
 
 def places_of(observations: Observations, blocks: Sequence[NewBlock]) -> tuple[Place, ...]:
-    """Return the place of each block of new logs among those of its command sequence."""
+    """Return the place of each block of new logs among those of its command sequence.
+
+    There are none where blocks of one sequence are beside different runs of the fit: commands that are nearly
+    the same, which cannot be exchanged.
+    """
     groups = [observations.situations[one.block.situation].group for one in blocks]
     found = []
     for group, one in zip(groups, blocks, strict=True):
         channel, fitted = one.block.channel, len(one.of_fit)
         alike = [b for g, b in zip(groups, blocks, strict=True) if g == group and b.block.channel == channel]
+        if any(other.files != one.files or len(other.of_fit) != fitted for other in alike):
+            return ()
         before = sum(len(other.residuals) for other in alike[: alike.index(one)])
         new = [series for other in alike for series in other.series(one.later_s)]
         taken = range(before, before + len(one.residuals))

@@ -13,6 +13,8 @@ from mecanum_env.units import FloatArray
 from sysid.compare.least_squares import ResidualProblem
 from sysid.compare.measured import observe
 from sysid.compare.model_error import Exchange, Whitener, repeated_commands
+from sysid.compare.model_error.exchange import NewBlock, places_of
+from sysid.compare.model_error.series import Series
 from sysid.compare.predicted import SimulationSettings
 from sysid.logs import BenchCommand, Dataset, Run
 
@@ -91,6 +93,19 @@ def test_where_nothing_changed_all_labellings_are_alike(late_s: float, step_rpm:
     # stands for one of the fit is not smoothed in its own place, so that draws cost a little more.
     assert 0.3 < np.mean(shares) < (1.0 if late_s else 0.7)
     assert min(shares) > 0.001
+
+
+def test_repeats_beside_other_runs_of_the_fit_are_not_exchanged() -> None:
+    before, after = logs(1, 3, late_s=0.003), logs(2, 2, late_s=0.003)
+    found = repeated_commands(MODEL, before, observe(after), SimulationSettings())
+    assert found is not None
+    blocks = [
+        NewBlock(block, block.value[None], (Series(block.time_s, block.value, block.weight),), files, 0.0)
+        for block, files in zip(found.observations.blocks, [("a",), ("b",)] * 4, strict=True)
+    ]
+    assert places_of(found.observations, blocks) == ()
+    alike = [replace(block, files=("a",)) for block in blocks]
+    assert len(places_of(found.observations, alike)) == len(blocks)
 
 
 def test_projections_are_those_of_the_residual() -> None:

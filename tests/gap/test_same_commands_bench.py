@@ -198,7 +198,7 @@ def test_chance_gains_no_less_than_runs_do_that_are_exchanged(
     assert exchanged > 0.01
 
 
-@pytest.mark.parametrize(("seed", "step_rpm"), [(20, 6.0), (30, 6.0), (40, 6.0)])
+@pytest.mark.parametrize(("seed", "step_rpm"), [(150, 6.0), (170, 10.0), (150, 25.0)])
 def test_the_steps_of_an_encoder_are_no_gap(
     bench_logs: MakeLogs, base: Model, wheel: Model, seed: int, step_rpm: float
 ) -> None:
@@ -213,6 +213,7 @@ def test_the_steps_of_an_encoder_are_no_gap(
         )
         return replace(logs, runs=tuple(runs), sha256=f"seed {seed}")
 
+    # Normal noise of the same size would make each of these a gap, with p from 0 to 0.007.
     assert study(counted(seed + 1), counted(seed), base).verdict == "no_gap"
 
 

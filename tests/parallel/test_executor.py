@@ -22,12 +22,17 @@ HERE = Workers(jobs=1)
 
 
 def test_results_are_in_the_order_of_the_tasks_and_told_as_they_come(task, tmp_path):
-    """The first task waits for the second one."""
-    file, told = str(tmp_path / "second has run"), {}
-    seen = f"(__import__('time').sleep(0.01), __import__('os').path.exists({file!r}))[1]"
+    """The first task waits until the result of the second one was told."""
+    file, told = tmp_path / "second was told", {}
+    seen = f"(__import__('time').sleep(0.01), __import__('os').path.exists({str(file)!r}))[1]"
     wait = f"[there for there in iter(lambda: {seen}, True) if there] or 1"
-    tasks = [task("first", wait), task("second", f"open({file!r}, 'x').close() or 2"), task("third", "3")]
-    assert run_tasks(tasks, TWO, told.__setitem__) == [1, 2, 3]
+
+    def tell(index, result):
+        told[index] = result
+        if index == 1:
+            file.touch()
+
+    assert run_tasks([task("first", wait), task("second", "2"), task("third", "3")], TWO, tell) == [1, 2, 3]
     assert told == {0: 1, 1: 2, 2: 3}
     assert next(iter(told)) == 1
 

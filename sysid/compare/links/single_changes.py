@@ -144,6 +144,8 @@ class _Response:
 
 def _responses(model: Model, changes: Sequence[Change]) -> list[_Response]:
     """Return the response of a model to each change, from the speed at which the command before holds it."""
+    if not changes:
+        return []
     steps = [(change.before_rpm, change.after_rpm) for change in changes]
     different = list(dict.fromkeys(steps))
     # On the clock of arrivals, so that the response is not late by a part of its period.

@@ -10,7 +10,7 @@ import pytest
 from mecanum_env.model import Model, paper_model
 from mecanum_env.units import FloatArray
 from sysid.compare.links import LinkClock, LinkDelays, link_delays
-from sysid.logs import Dataset
+from sysid.logs import BenchCommand, Dataset, Run
 
 MakeLogs = Callable[[FloatArray], Dataset]
 MakeDelays = Callable[..., FloatArray]
@@ -82,3 +82,11 @@ def test_the_clock_of_arrivals_spans_the_common_delay() -> None:
     assert periods == sorted(periods)
     np.testing.assert_allclose(clock.tick_s / np.array(periods), np.rint(clock.tick_s / np.array(periods)))
     assert LinkClock(1.0 / 60.0, None, 0.4).period_s() == periods[-1]
+
+
+def test_logs_in_which_no_command_changes_have_no_delays(model: Model, at_once: LinkClock) -> None:
+    time = np.arange(0.0, 3.0, 0.03)
+    speed = 0.5 * np.random.default_rng(0).standard_normal(time.size)
+    still = Run("still", "still", "fit", time, BenchCommand(np.zeros(time.size)), {"speed_rpm": speed})
+    delays = link_delays(model, [still], at_once)
+    assert (len(delays.changes), delays.loss, delays.differ) == (0, 0.0, False)

@@ -41,10 +41,10 @@ def draw(model: tyro.conf.Positional[Path], /, logs: Path = LOGS, out: Path = Pa
         out: Folder to write.
     """
     with stage_bar(5) as progress:
-        base = read_model(model)
+        dataset, base = read_dataset(logs), read_model(model)
         # As the program does, which compares with the logs of the fit where it finds them.
-        options = GapOptions(fitted_on=logs_of_fit(base, model.parent)[0])
-        report = analyse(read_dataset(logs), base, options, progress=progress)
+        options = GapOptions(fitted_on=logs_of_fit(base, model.parent, dataset.level)[0])
+        report = analyse(dataset, base, options, progress=progress)
     print(verdict_sentence(report))
     for name, figure in (("gap_runs.png", runs_figure(report)), ("gap_where.png", where_figure(report))):
         with atomic_path(out / name) as path:

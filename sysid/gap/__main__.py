@@ -90,7 +90,10 @@ def gap(
         require_fittable(dataset, logs, fitted_on)
     else:
         base = read_model(model)
-        known, why = (read_dataset(fitted_on), "") if fitted_on else logs_of_fit(base, model.parent)
+        if fitted_on is None:
+            known, why = logs_of_fit(base, model.parent, dataset.level)
+        else:
+            known, why = read_dataset(fitted_on), ""
         options = replace(options, fitted_on=known, notes=(why,) if why else ())
     files = output_folder(out, "sysid.gap", FILES, seed=seed)
     with files as staged, stage_bar(7 if base else 14) as progress:

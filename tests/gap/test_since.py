@@ -27,7 +27,7 @@ from sysid.gap.search.known_effects import known_effects
 from sysid.gap.search.sets import Search
 from sysid.gap.search.study_data import study_data
 from sysid.gap.workflow import analyse
-from sysid.logs import BodyCommand, Dataset, Run
+from sysid.logs import BodyCommand, Dataset, Run, read_dataset
 from sysid.logs.of_fit import logs_of_fit, seen_from, with_logs
 from sysid.logs.writer import write_dataset
 from sysid.progress import silent
@@ -194,17 +194,29 @@ def test_a_model_says_where_the_logs_of_its_fit_are(
     write_dataset(bench_logs(base), tmp_path / "logs")
     model = with_logs(base, tmp_path / "logs", tmp_path / "fit")
     assert model.provenance["logs"] == "../logs"
-    found, why = logs_of_fit(model, tmp_path / "fit")
+    found, why = logs_of_fit(model, tmp_path / "fit", "bench")
     assert found is None
     assert "has changed since the model was fitted" in why
 
 
 def test_logs_of_a_fit_that_are_gone_are_asked_for(base: Model, tmp_path: Path) -> None:
     write_model(with_logs(base, tmp_path / "gone", tmp_path), tmp_path / "model.json")
-    found, why = logs_of_fit(read_model(tmp_path / "model.json"), tmp_path)
+    found, why = logs_of_fit(read_model(tmp_path / "model.json"), tmp_path, "bench")
     assert found is None
     assert "--fitted-on" in why
-    assert logs_of_fit(base, tmp_path) == (None, "")
+    assert logs_of_fit(base, tmp_path, "bench") == (None, "")
+
+
+def test_a_model_of_a_wheel_on_the_bench_may_be_compared_with_its_robot(
+    bench_logs: MakeLogs, base: Model, tmp_path: Path
+) -> None:
+    write_dataset(bench_logs(base), tmp_path / "logs")
+    known = {**base.provenance, "data_sha256": read_dataset(tmp_path / "logs").sha256}
+    model = with_logs(replace(base, provenance=known), tmp_path / "logs", tmp_path)
+    found, why = logs_of_fit(model, tmp_path, "robot")
+    assert found is None
+    assert why == "the logs of the fit are bench logs, and these are robot logs: no comparison"
+    assert logs_of_fit(model, tmp_path, "bench")[0] is not None
 
 
 def test_one_recording_without_a_model_shows_what_is_beyond_the_law(

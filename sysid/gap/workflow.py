@@ -151,13 +151,14 @@ def _report(
         improved = problem.base.with_custom(custom.effect)
     after = before if improved is model else predicted(improved, runs, problem.settings)
     comparison = compare(split, runs, before, after)
-    gap, channels = differences(dataset, comparison, options.fitted_on)
+    noise = problem.whitener.noise.sigma
+    gap, channels = differences(dataset, comparison, noise, options.fitted_on)
     beside = None
     if options.fitted_on is not None:
         names = [effect.name for effect in effects]
         smooth = without_scatter(problem, names, (model, improved), runs, (before, after))
         compared = compare(split, runs, before, smooth)
-        beside = gap_beside_fit(dataset, options.fitted_on, model, compared, runs, problem.settings)
+        beside = gap_beside_fit(dataset, options.fitted_on, model, compared, runs, noise, problem.settings)
     detectable, unseen, asked = _what_is_open(dataset, options, found, considered, improved)
     unanswered = () if asked.experiment or not asked.why else (asked.why,)
     hidden, odd = "", ""
@@ -222,7 +223,8 @@ def _custom(
         return None
     split, runs = held_out(dataset)
     described = predicted(problem.base.with_custom(proposal.effect), runs, problem.settings)
-    left = differences(dataset, compare(split, runs, before, described), options.fitted_on)[0].after
+    comparison, noise = compare(split, runs, before, described), problem.whitener.noise.sigma
+    left = differences(dataset, comparison, noise, options.fitted_on)[0].after
     return CustomProposal(proposal.effect, proposal.explained, proposal.stations_tied, left, options.adopt)
 
 

@@ -2,14 +2,15 @@
 
 A model errs in a command sequence by the same before and after a change. Its mean residual in the logs of its
 fit is therefore taken off the measured values, sample by sample: what is left of the difference is what
-changed, and the noise of both logs. Beside a model that is far from its robot this is the only figure that
+changed, and the noise of both logs. A recording is none beside itself: of logs that the model was fitted to
+only the repeats count. Beside a model that is far from its robot this is the only figure that
 shows whether an effect closed the gap.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,6 +32,7 @@ def gap_beside_fit(
     model: Model,
     comparison: Comparison,
     runs: Sequence[Run],
+    noise: Mapping[str, float],
     settings: SimulationSettings,
 ) -> Difference | None:
     """Return the gap on held-out runs without what the model errs by in the logs of its fit.
@@ -44,10 +46,11 @@ def gap_beside_fit(
         model: as given; what it adopted after its fit is taken off it for these logs.
         comparison: of the held-out runs.
         runs: these runs.
+        noise: of each channel, as for `differences`.
         settings: of simulations.
 
     Returns:
-        None if none of the runs was driven in the logs of the fit.
+        None if none of the runs was driven in another recording of the logs of the fit.
 
     Raises:
         InputError: the model cannot be simulated.
@@ -57,7 +60,8 @@ def gap_beside_fit(
     samples: list[Samples] = []
     shares: list[float] = []
     for run in runs:
-        partners = with_same_commands(run, fitted_on.runs, period_s)
+        others = [other for other in fitted_on.runs if not _is_same_recording(run, other)]
+        partners = with_same_commands(run, others, period_s)
         for partner in partners:
             if partner not in known:
                 known[partner] = _residuals(partner, predict(given, partner, settings=settings))
@@ -73,7 +77,14 @@ def gap_beside_fit(
         return None
     noise_factor = math.sqrt(1.0 + float(np.mean(shares)))
     beside_fit = Comparison(comparison.split, tuple(samples))
-    return differences(dataset, beside_fit, fitted_on, noise_factor)[0]
+    return differences(dataset, beside_fit, noise, fitted_on, noise_factor)[0]
+
+
+def _is_same_recording(one: Run, other: Run) -> bool:
+    """Return whether two runs have the same samples."""
+    return one.channels.keys() == other.channels.keys() and all(
+        np.array_equal(values, other.channels[name], equal_nan=True) for name, values in one.channels.items()
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -106,14 +106,18 @@ def compare(
 
 
 def differences(
-    dataset: Dataset, comparison: Comparison, fitted_on: Dataset | None = None, noise_factor: float = 1.0
+    dataset: Dataset,
+    comparison: Comparison,
+    noise: Mapping[str, float],
+    fitted_on: Dataset | None = None,
+    noise_factor: float = 1.0,
 ) -> tuple[Difference, dict[str, Difference]]:
     """Return the gap over all channels, and that of each channel that has samples.
 
-    With several channels the gap is in standard deviations of their noise; a channel without repeats is
-    scaled by its error after instead. The noise floor is from repeats of all runs of the dataset, test runs
-    included; of a channel without repeats there, from those of the logs of the fit. The noise in the
-    comparison may be larger than theirs by a factor.
+    With several channels the gap is in standard deviations of their noise. The noise floor is from repeats of
+    all runs of the dataset, test runs included; of a channel without repeats there, from those of the logs of
+    the fit. Without any it is not known, and the channel is scaled by the `noise` that the study took, its
+    standard deviation. The noise in the comparison may be larger than theirs by a factor.
     """
     of_fit = {} if fitted_on is None else noise_from_repeats(fitted_on.runs) or {}
     repeats = {**of_fit, **(noise_from_repeats(dataset.runs) or {})}
@@ -128,8 +132,8 @@ def differences(
     known = all(channel.noise_floor is not None for channel in channels.values())
     scaled = [
         (c.before / s, c.after / s, (c.motion or 0.0) / s)
-        for c in channels.values()
-        if (s := c.noise_floor or c.after) > 0.0
+        for name, c in channels.items()
+        if (s := c.noise_floor or noise_factor * noise.get(name, 0.0)) > 0.0
     ]
     if not scaled:
         return Difference("sigma", 0.0, 0.0, None), channels

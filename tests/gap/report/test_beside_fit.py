@@ -33,8 +33,8 @@ def gaps(new: Dataset, better: Model, model: Model = MODEL) -> tuple[Difference,
     runs = new.runs
     before, after = (predicted(one, runs, PLANAR) for one in (model, better))
     comparison = compare("test", runs, before, after)
-    plain = differences(new, comparison)[0]
-    return plain, gap_beside_fit(new, NOMINAL, model, comparison, runs, PLANAR)
+    plain = differences(new, comparison, NOISE)[0]
+    return plain, gap_beside_fit(new, NOMINAL, model, comparison, runs, NOISE, PLANAR)
 
 
 def test_of_a_robot_in_which_nothing_changed_the_noise_is_left() -> None:
@@ -67,11 +67,25 @@ def test_without_repeats_the_noise_is_that_of_the_logs_of_the_fit() -> None:
     single = logs(GAIN, SEQUENCES, seed=37, repeats=1)
     given = predicted(MODEL, single.runs, PLANAR)
     comparison = compare("test", single.runs, given, given)
-    assert differences(single, comparison)[0].noise_floor is None
-    total, channels = differences(single, comparison, NOMINAL)
+    unknown = differences(single, comparison, NOISE)[0]
+    assert unknown.noise_floor is None
+    total, channels = differences(single, comparison, NOISE, NOMINAL)
+    assert total.before == pytest.approx(unknown.before, rel=0.1), "sigma is that of the noise in any case"
     assert total.noise_floor == 1.0
     assert channels["speed_fl_rpm"].noise_floor == pytest.approx(NOISE["speed_fl_rpm"], rel=0.1)
-    beside = gap_beside_fit(single, NOMINAL, MODEL, comparison, single.runs, PLANAR)
+    beside = gap_beside_fit(single, NOMINAL, MODEL, comparison, single.runs, NOISE, PLANAR)
+    assert beside is not None
+    assert beside.before == pytest.approx(1.0, rel=0.1)
+
+
+def test_a_recording_is_none_beside_itself() -> None:
+    """Its own residual, taken off, would leave nothing, and any effect would raise that."""
+    single = logs(GAIN, SEQUENCES, seed=38, repeats=1)
+    given = predicted(MODEL, single.runs, PLANAR)
+    comparison = compare("test", single.runs, given, given)
+    assert gap_beside_fit(single, single, MODEL, comparison, single.runs, NOISE, PLANAR) is None
+    repeated = replace(NOMINAL, runs=(*NOMINAL.runs, *single.runs))
+    beside = gap_beside_fit(single, repeated, MODEL, comparison, single.runs, NOISE, PLANAR)
     assert beside is not None
     assert beside.before == pytest.approx(1.0, rel=0.1)
 
@@ -93,7 +107,7 @@ def test_a_channel_that_the_logs_of_the_fit_lack_is_left_out() -> None:
     lacking = replace(NOMINAL, runs=runs)
     given = predicted(MODEL, new.runs, PLANAR)
     comparison = compare("test", new.runs, given, given)
-    beside = gap_beside_fit(new, lacking, MODEL, comparison, new.runs, PLANAR)
+    beside = gap_beside_fit(new, lacking, MODEL, comparison, new.runs, NOISE, PLANAR)
     assert beside is not None
     assert beside.before == pytest.approx(1.0, rel=0.1)
 

@@ -186,7 +186,7 @@ def test_a_pose_moves_from_where_its_run_starts():
     still = HeldCommand(np.zeros(1), np.zeros((1, 4)))
     pose = Samples("x_m", time, 100.0 + time, 99.0 + time, 100.0 + time, still)
     comparison = Comparison("test", (pose,))
-    gap, _ = differences(Dataset("pose", (), ()), comparison)
+    gap, _ = differences(Dataset("pose", (), ()), comparison, {})
     assert gap.motion == pytest.approx(np.sqrt(6.0))
     assert (gap.before, gap.after) == (1.0, 0.0)
 
@@ -196,7 +196,7 @@ def test_a_channel_without_samples_has_no_difference():
     speed = Samples("speed_fl_rpm", time, time, time - 2.0, time, held)
     empty = Samples("vx_m_s", time, np.full(4, np.nan), time, time, held)
     comparison = Comparison("test", (speed, empty))
-    gap, channels = differences(Dataset("robot", (), ()), comparison)
+    gap, channels = differences(Dataset("robot", (), ()), comparison, {})
     assert list(channels) == ["speed_fl_rpm"]
     assert gap.before == 2.0
     assert [overlay.channel for overlay in overlays(comparison)] == ["speed_fl_rpm"]

@@ -9,7 +9,9 @@ from __future__ import annotations
 import csv
 import gzip
 import io
+import math
 import zlib
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -84,14 +86,18 @@ def table_stem(path: Path) -> str:
     return path.stem
 
 
-def read_table(path: Path) -> Table:
+def read_table(path: Path, ignored: Collection[str] = ()) -> Table:
     """Read a table; the suffix of its name gives the format.
+
+    Columns that are to be `ignored` may hold anything, and have no numbers in the table.
 
     Raises:
         InputError: the file cannot be read, is empty, is not of the format that its suffix says, or has rows
             of different lengths, text where a number belongs, or an infinite value.
     """
-    table = _read_parquet(path) if path.name.lower().endswith(".parquet") else _read_csv(path)
+    is_parquet = path.name.lower().endswith(".parquet")
+    table = _read_parquet(path, ignored) if is_parquet else _read_csv(path, ignored)
+    table.values[:, [name in ignored for name in table.names]] = np.nan
     infinite = np.isinf(table.values)
     if infinite.any():
         row, column = (int(i) for i in np.argwhere(infinite)[0])
@@ -143,7 +149,7 @@ def check_stamps(table: Table, time_s: FloatArray) -> None:
         )
 
 
-def _read_csv(path: Path) -> Table:
+def _read_csv(path: Path, ignored: Collection[str]) -> Table:
     text = with_plain_separators(path, read_text(path))
     header, _, body = text.partition("\n")
     names = _header(path, header)
@@ -156,9 +162,9 @@ def _read_csv(path: Path) -> Table:
     try:
         values = np.loadtxt(io.StringIO(filled), delimiter=",", comments=None, ndmin=2)
     except ValueError:
-        values = _walk_cells(path, text, names)
+        values = _walk_cells(path, text, names, ignored)
     if values.shape[1] != len(names):
-        values = _walk_cells(path, text, names)
+        values = _walk_cells(path, text, names, ignored)
     lines = np.arange(2, len(values) + 2)
     if body.rstrip("\n").count("\n") + 1 != len(values):  # blank lines were skipped
         lines = np.array([i for i, line in enumerate(text.split("\n"), 1) if line.strip()][1:])
@@ -235,8 +241,8 @@ def _number(cell: str) -> float | None:
         return None
 
 
-def _walk_cells(path: Path, text: str, names: tuple[str, ...]) -> FloatArray:
-    """Parse cell by cell, which is slow, and raise an error at the first wrong cell."""
+def _walk_cells(path: Path, text: str, names: tuple[str, ...], ignored: Collection[str]) -> FloatArray:
+    """Parse cell by cell, which is slow, and raise an error at the first wrong cell that is not `ignored`."""
     reader = csv.reader(io.StringIO(text))
     rows = []
     try:
@@ -250,7 +256,7 @@ def _walk_cells(path: Path, text: str, names: tuple[str, ...]) -> FloatArray:
                 )
             row = []
             for name, cell in zip(names, cells, strict=True):
-                value = _number(cell)
+                value = math.nan if name in ignored else _number(cell)
                 if value is None:
                     raise InputError(
                         f"{where}: {name} = {cell.strip()!r}, must be a number; "
@@ -263,7 +269,7 @@ def _walk_cells(path: Path, text: str, names: tuple[str, ...]) -> FloatArray:
     return np.array(rows, float)
 
 
-def _read_parquet(path: Path) -> Table:
+def _read_parquet(path: Path, ignored: Collection[str]) -> Table:
     try:
         import pyarrow as pa
         import pyarrow.parquet as pq
@@ -290,6 +296,8 @@ def _read_parquet(path: Path) -> Table:
         raise InputError(f"{path}: not a Parquet file ({said})") from error
     names = tuple(table.column_names)
     for index, name in enumerate(names):
+        if name in ignored:
+            table = table.set_column(index, name, pa.nulls(table.num_rows, pa.float64()))
         kind = table.schema.field(index).type
         if not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_null(kind)):
             raise InputError(f"{path}: column {name!r} holds {kind}, must be numbers")

@@ -99,10 +99,11 @@ def body_runs(
 
 def read_measured(folder: Path) -> dict[str, dict[str, FloatArray]]:
     """Return the columns of `TWIST` that the runs of a folder have, by file and name."""
-    rules = {name: ColumnRule(name) for name in TWIST} | dict(read_settings(folder).columns)
+    settings = read_settings(folder)
+    rules = {name: ColumnRule(name) for name in TWIST} | dict(settings.columns)
     found: dict[str, dict[str, FloatArray]] = {}
     for file in run_files(folder):
-        table = read_table(file)
+        table = read_table(file, settings.ignore_columns)
         found[file.name] = {
             name: rules[name].scale * table.column(rules[name].source) + rules[name].offset
             for name in TWIST
@@ -145,7 +146,7 @@ def _one_wheel(folder: Path, wheel: OmniWheel) -> Dataset:
     settings = read_settings(folder)
     runs = []
     for file in run_files(folder):
-        table = read_table(file)
+        table = read_table(file, settings.ignore_columns)
         runs.append(read_run(table, _only(table, settings, wheel))[0])
     stated = [settings.runs[run.file] for run in runs if run.file in settings.runs]
     groups, _ = group_names(runs, {one.file: one.group for one in stated if one.group is not None})

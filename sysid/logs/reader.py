@@ -56,7 +56,7 @@ def read_dataset(path: str | os.PathLike[str]) -> Dataset:
     settings = read_settings(folder)
     if os.path.isdir(path):
         _check_listed(settings, folder, files)
-    tables = [read_table(file) for file in files]
+    tables = [read_table(file, settings.ignore_columns) for file in files]
     _check_sources(settings, tables)
     read = [read_run(table, settings) for table in tables]
     runs, findings = [run for run, _ in read], [finding for _, noticed in read for finding in noticed]

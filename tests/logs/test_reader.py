@@ -113,6 +113,22 @@ def test_columns_are_renamed_and_scaled(folder: Folder) -> None:
     np.testing.assert_array_equal(data.runs[0].channel("speed_rpm"), [1.0, 3.0])
 
 
+def test_a_column_of_text_may_be_ignored(folder: Folder) -> None:
+    toml = "[dataset]\nignore_columns = ['comment', 'mode']\n"
+    text = 'time_s,command_rpm,comment,speed_rpm,mode\n0,5,"hi, there",1,\n0.5,5,,2,inf\n'
+    run = read_dataset(folder({"run.csv": text, "dataset.toml": toml})).runs[0]
+    np.testing.assert_array_equal(run.channel("speed_rpm"), [1.0, 2.0])
+    assert list(run.channels) == ["speed_rpm"]
+
+
+def test_a_column_of_text_of_a_parquet_file_may_be_ignored(tmp_path: Path) -> None:
+    pa = pytest.importorskip("pyarrow")
+    columns = {"time_s": [0.0, 0.5], "comment": ["hi", "ho"], "command_rpm": [5, 5], "speed_rpm": [1.0, 2.0]}
+    pytest.importorskip("pyarrow.parquet").write_table(pa.table(columns), tmp_path / "run.parquet")
+    (tmp_path / "dataset.toml").write_text("[dataset]\nignore_columns = ['comment']\n")
+    np.testing.assert_array_equal(read_dataset(tmp_path).runs[0].channel("speed_rpm"), [1.0, 2.0])
+
+
 def test_a_column_may_be_scaled_under_its_own_name(folder: Folder, step: str) -> None:
     toml = "[columns]\nspeed_rpm = {from = 'speed_rpm', scale = 10}\n"
     run = read_dataset(folder({"run.csv": step, "dataset.toml": toml})).runs[0]

@@ -177,7 +177,7 @@ def fit_bench(out: Path) -> Fit:
         fitted = fit_dataset(read_dataset(out / "bench"), progress=progress)
     model = fitted_model(fitted)
     write_model(model, out / "fit" / "model.json")
-    write_json(out / "fit" / "fit.json", fit_json(fitted))
+    write_json(out / "fit" / "fit.json", fit_json(fitted, model))
     write_fit_report(fitted, model, out / "fit" / "report.html")
     return fitted
 

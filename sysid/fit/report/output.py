@@ -17,6 +17,7 @@ from sysid.compare.links import AlignedLogs
 from sysid.compare.model_error import with_own_error
 from sysid.fit.drive import latency, wheel_model
 from sysid.fit.pipeline import Fit
+from sysid.fit.report.stated import stated_json
 from sysid.fit.robot import on_rollers
 from sysid.fit.statistics import Quantity
 
@@ -71,8 +72,11 @@ def fitted_model(fit: Fit, robot: Robot | None = None) -> Model:
     return replace(described, uncertainty={**own.uncertainty, **described.uncertainty})
 
 
-def fit_json(fit: Fit) -> dict[str, Any]:
-    """Return the object of `fit.json`; numbers that are not finite or not known are null."""
+def fit_json(fit: Fit, model: Model | None = None) -> dict[str, Any]:
+    """Return the object of `fit.json`; numbers that are not finite or not known are null.
+
+    Its field `model` is of the `model` that was written beside it, by default that of `fitted_model`.
+    """
     sure, tests = fit.uncertainty, fit.residual_tests
     robot = fit.robot.parameters if fit.robot else ()
     content: dict[str, Any] = plain_json(
@@ -84,6 +88,7 @@ def fit_json(fit: Fit) -> dict[str, Any]:
             "parameters": {q.name: _quantity(q) for q in sure.parameters},
             "functionals": {q.name: _quantity(q) for q in sure.metrics},
             "drive_effects": _drive_effects(fit),
+            "model": stated_json(fit, fitted_model(fit) if model is None else model),
             "wheels": {wheel: estimate.law for wheel, estimate in fit.wheels.items()},
             "robot": {p.name: {k: v for k, v in asdict(p).items() if k != "name"} for p in robot},
             "noise": {

@@ -3,33 +3,40 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 import mecanum_env
-from mecanum_env.law.metrics import step_response
+from mecanum_env.law import WheelLaw
+from mecanum_env.law.metrics import StepMetrics, law_step_metrics, step_response
 from mecanum_env.model import Model
 from mecanum_env.report import figure, write_page
 from sysid.fit.pipeline import Fit
 from sysid.fit.report.plots import HELD_OUT_FIRST, BenchReplay, RunView, replay_worst, run_views
+from sysid.fit.report.stated import errors_of, has_more_than_its_law
+from sysid.fit.statistics import ErrorMetrics
+from sysid.logs.runs import Split
 
 _TEMPLATE: Final = Path(__file__).with_name("page.html")
 _GREY, _RED, _BLUE = "#8a8a8a", "#c8102e", "#1f4e79"
 _MOST_FINDINGS: Final = 40
 
 
-def fit_table(fit: Fit) -> str:
-    """Return the result of a `fit` as text: noise, methods, coefficients, residual tests and notes."""
+def fit_table(fit: Fit, model: Model | None = None) -> str:
+    """Return the result of a `fit` as text: noise, methods, coefficients, residual tests and notes.
+
+    With its `model` there is a row of that, too, where law and effects were fitted together.
+    """
     sure, tests = fit.uncertainty, fit.residual_tests
     source = "from repeats" if fit.sigma_from_repeats else "from the residuals, no repeats"
     noise = ", ".join(f"{name} {value:.3g}" for name, value in sorted(fit.sigma_rpm.items()))
     lines = [
         f"{fit.dataset.name}: {len(fit.dataset.runs)} runs; noise {noise} rpm ({source})",
         "",
-        *_columns(_method_table(fit)),
+        *_columns(_method_table(fit, model)),
         "",
         *_columns(_quantity_table(fit)),
         "",
@@ -46,29 +53,42 @@ def fit_table(fit: Fit) -> str:
     return "\n".join(lines)
 
 
-def _method_table(fit: Fit) -> list[tuple[str, ...]]:
-    """Return the metrics of a `fit`'s methods as rows of cells, the head first."""
+def _method_table(fit: Fit, model: Model | None) -> list[tuple[str, ...]]:
+    """Return the metrics of a `fit`'s methods and of its model with effects as rows, the head first."""
     rows: list[tuple[str, ...]] = [
         ("method", "rms fit", "validation", "test rpm", "worst", "rise s", "settling s", "dc gain - 1",
          "stable", "starts ok", "seconds", "MiB")
     ]  # fmt: skip
     for name, m in fit.methods.items():
         found = m.estimate
-        errors = [m.errors.get(split) for split in ("fit", "validation", "test")]
         row = (
-            name,
-            *(f"{e.rms_rpm:.3f}" if e else "-" for e in errors),
-            f"{max((e.max_rpm for e in errors if e), default=math.nan):.2f}",
-            f"{m.metrics.rise_time_s:.4f}",
-            f"{m.metrics.settling_time_s:.4f}",
-            f"{found.law.dc_gain - 1.0:.1e}",
-            "yes" if found.law.is_stable else "NO",
+            *_law_cells(name, m.errors, found.law, m.metrics),
             f"{found.success_share:.0%} of {len(found.starts)}",
             f"{found.seconds:.2f}",
             f"{m.peak_memory_mib:.1f}",
         )
         rows.append(row)
+    if model is not None and has_more_than_its_law(fit):
+        law = model.wheel.law
+        cells = _law_cells("with effects", errors_of(fit, model), law, law_step_metrics(law))
+        rows.append((*cells, "-", "-", "-"))
     return rows
+
+
+def _law_cells(
+    name: str, errors: Mapping[Split, ErrorMetrics], law: WheelLaw, step: StepMetrics
+) -> tuple[str, ...]:
+    """Return the cells of a row that are of the model itself: its errors, and those of its law."""
+    of_splits = [errors.get(split) for split in ("fit", "validation", "test")]
+    return (
+        name,
+        *(f"{e.rms_rpm:.3f}" if e else "-" for e in of_splits),
+        f"{max((e.max_rpm for e in of_splits if e), default=math.nan):.2f}",
+        f"{step.rise_time_s:.4f}",
+        f"{step.settling_time_s:.4f}",
+        f"{law.dc_gain - 1.0:.1e}",
+        "yes" if law.is_stable else "NO",
+    )
 
 
 def _quantity_table(fit: Fit) -> list[tuple[str, str, str, str, str]]:
@@ -116,11 +136,11 @@ def write_fit_report(fit: Fit, model: Model, path: Path) -> None:
             "autocorrelation": _autocorrelation(fit),
         },
         dataset=fit.dataset.name,
-        verdict=_verdict(fit),
+        verdict=_verdict(fit, model),
         warnings=list(fit.uncertainty.warnings),
         notes=list(fit.notes),
         overlays=list(overlays),
-        methods=_method_table(fit),
+        methods=_method_table(fit, model),
         quantities=_quantity_table(fit),
         robot=robot_table(fit),
         period_ms=f"{fit.law.sample_period_s * 1e3:.4g}",
@@ -143,7 +163,7 @@ def write_fit_report(fit: Fit, model: Model, path: Path) -> None:
     )
 
 
-def _verdict(fit: Fit) -> str:
+def _verdict(fit: Fit, model: Model) -> str:
     found = fit.methods[fit.estimate.method]
     split = next(split for split in HELD_OUT_FIRST if split in found.errors)
     error, sigma = found.errors[split], float(np.mean(list(fit.sigma_rpm.values())))
@@ -151,10 +171,14 @@ def _verdict(fit: Fit) -> str:
     against = (
         f"against {sigma:.2f} rpm of noise" if fit.sigma_from_repeats else "with no repeats to tell the noise"
     )
-    return (
+    of_law = (
         f"A stable {order}-order law predicts the {split} runs to {error.rms_rpm:.2f} rpm rms, {against}; "
         f"it rises in {found.metrics.rise_time_s:.3f} s and settles in {found.metrics.settling_time_s:.3f} s."
     )
+    if not has_more_than_its_law(fit):
+        return of_law
+    together = errors_of(fit, model)[split].rms_rpm
+    return f"{of_law} With the effects that were fitted together, it is {together:.2f} rpm."
 
 
 def _mujoco(replay: BenchReplay | None) -> str:

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from mecanum_env.effects.friction import droop_rpm
-from mecanum_env.model import cause_of
+from mecanum_env.model import cause_of, model_to_dict
 from mecanum_env.simulator import replay_bench
 from mecanum_env.units import RAD_S_PER_RPM
 from sysid.compare.measured import observe
 from sysid.fit import FitOptions, fit_dataset, fitted_model
 from sysid.fit.effects import HeldOut, drive, find_drive_effects, has_unasked_ceiling
 from sysid.fit.effects.ceiling import HeldSpeeds
-from sysid.fit.report import fit_json
+from sysid.fit.report import fit_json, fit_table
 from sysid.logs import BenchCommand, Dataset, Run
 from sysid.studies.zoo.cases.write import write_bench_case
 from sysid.studies.zoo.nominal import nominal_model
@@ -72,6 +72,21 @@ def test_friction_and_gain_are_fitted_together_with_the_law(rubbing):
     assert "coulomb_friction" in model.effects
     assert found.before_rpm > 3.0 * found.after_rpm
     assert any("fitted together with the law" in note for note in fit.notes)
+
+
+def test_the_files_tell_what_the_model_with_effects_does_beside_the_law_alone(rubbing):
+    _, fit = rubbing
+    model = fitted_model(fit)
+    content = fit_json(fit, model)
+    told = content["model"]
+    assert told == fit_json(fit)["model"]
+    assert list(told["coefficients"].values()) == model.wheel.law.coefficients.tolist()
+    friction = told["effects"]["coulomb_friction"]
+    assert friction.pop("droop_rpm") == pytest.approx(friction["torque_n_m"] / 0.5 / RAD_S_PER_RPM)
+    assert told["effects"] == model_to_dict(model)["effects"]
+    assert told["rms_rpm"]["validation"] < 0.5 * content["methods"]["output-error"]["rms_rpm"]["validation"]
+    row = next(line.split() for line in fit_table(fit, model).splitlines() if line.startswith("with effects"))
+    assert row[2:5] == [f"{told['rms_rpm'][split]:.3f}" for split in ("fit", "validation", "test")]
 
 
 def test_the_model_with_effects_predicts_runs_that_nothing_was_fitted_to(rubbing):

@@ -35,6 +35,9 @@ LIMIT_RPM: Final = Wheel.saturation_rpm
 """Largest wheel speed of the paper's robot [rpm]."""
 SETTLED_S: Final = 0.5
 """Time after which a held command has settled [s]; the published robot needs 0.25 s."""
+_LATE_PART: Final = 0.6
+"""Share of the longest time that a command is held, after which it has settled as far as logs show that hold
+none for longer. Assumed: where a wheel has not, the command explains too little of its speed."""
 _EARLY: Final = 0.1
 """Share of a change of the command by which no wheel has moved when the command is sent."""
 _USUAL_STEPS: Final = 10.0
@@ -64,9 +67,10 @@ def dataset_findings(runs: Sequence[Run]) -> list[Finding]:
     """
     findings = []
     names = ("speed_rpm",) if runs[0].level == "bench" else WHEEL_SPEEDS
+    settled_s = _settled_s(runs)
     early = [finding for index, name in enumerate(names) for finding in _early(runs, name, index)]
     for index, name in enumerate(names):
-        pairs = [_settled_pairs(run, name, index) for run in runs if name in run.channels]
+        pairs = [_settled_pairs(run, name, index, settled_s) for run in runs if name in run.channels]
         command, speed = (np.concatenate([pair[i] for pair in pairs] or [np.empty(0)]) for i in range(2))
         power = float(command @ command)
         if command.size < 5 or power == 0.0 or not speed.any():
@@ -129,11 +133,20 @@ def _whole_in_rpm(runs: Sequence[Run]) -> Iterator[Finding]:
         yield Finding("", "units", float(levels.max()), name, "whole in rpm", details)
 
 
-def _settled_pairs(run: Run, name: str, index: int) -> tuple[FloatArray, FloatArray]:
-    """Return wheel commands and speeds [rpm] where the command has been held for `SETTLED_S`."""
+def _settled_s(runs: Sequence[Run]) -> float:
+    """Return the time after which a held command has settled [s]: less where none is held for longer."""
+    holds = [np.diff([*run.command_changes()[0], run.time_s[-1]]) for run in runs]
+    if sum(hold.size - 1 for hold in holds) < _LEAST_CHANGES:
+        return SETTLED_S
+    longest = float(np.max(np.concatenate(holds)))
+    return SETTLED_S if longest > SETTLED_S else _LATE_PART * longest
+
+
+def _settled_pairs(run: Run, name: str, index: int, settled_s: float) -> tuple[FloatArray, FloatArray]:
+    """Return wheel commands and speeds [rpm] where the command has been held for a time [s]."""
     times = run.command_changes()[0]
     since = run.time_s - times[np.searchsorted(times, run.time_s, side="right") - 1]
-    use = (since >= SETTLED_S) & run.finite(name)
+    use = (since >= settled_s) & run.finite(name)
     return run.command.wheels_rpm[use, index], run.channel(name)[use]
 
 

@@ -13,12 +13,18 @@ Step = Callable[..., np.ndarray]
 COMMAND = np.concatenate([np.zeros(50), np.full(100, 40.0), np.full(100, -60.0), np.full(100, 90.0)])
 
 
-def follow(command: np.ndarray, noise: float = 0.3) -> np.ndarray:
-    """A first-order wheel with a time constant of 0.08 s and noise, read to 0.01 rpm."""
+def follow(command: np.ndarray, time_constant_s: float = 0.08, noise: float = 0.3) -> np.ndarray:
+    """A first-order wheel and noise, read to 0.01 rpm."""
     speed = np.zeros(command.size)
     for k in range(command.size - 1):
-        speed[k + 1] = speed[k] + (command[k] - speed[k]) / 8.0
+        speed[k + 1] = speed[k] + (command[k] - speed[k]) * 0.01 / time_constant_s
     return np.round(speed + noise * np.random.default_rng(7).standard_normal(command.size), 2)
+
+
+def short_holds(hold_s: float, seed: int = 0) -> np.ndarray:
+    """Commands drawn at random, each held for a time [s]."""
+    levels = np.random.default_rng(seed).integers(-110, 111, 8)
+    return np.repeat(np.append(0, levels), round(hold_s / 0.01)).astype(float)
 
 
 def kinds(run: Run) -> dict[str, Finding]:
@@ -105,6 +111,25 @@ def test_a_wrong_unit_is_seen(scale: float, sentence: str, bench_run: BenchRun) 
 @pytest.mark.parametrize("gain", [0.3, 0.7, 1.0, 1.4, 3.0])
 def test_a_slow_or_fast_wheel_is_not_taken_for_a_unit(gain: float, bench_run: BenchRun) -> None:
     assert dataset_findings([bench_run("a.csv", COMMAND, gain * follow(COMMAND))]) == []
+
+
+@pytest.mark.parametrize("hold_s", [0.2, 0.3, 0.5])
+def test_a_wrong_unit_is_seen_where_no_command_is_held_for_long(hold_s: float, bench_run: BenchRun) -> None:
+    run = bench_run("a.csv", command := short_holds(hold_s), RAD_S_PER_RPM * follow(command, 0.05))
+    (finding,) = dataset_findings([run])
+    assert "speed_rpm in rad/s? (scale = 9.549" in finding.message
+
+
+@pytest.mark.parametrize("hold_s", [0.1, 0.2, 0.5])
+@pytest.mark.parametrize("time_constant_s", [0.05, 0.3, 1.0, 5.0])
+def test_a_wheel_that_has_not_settled_is_not_taken_for_a_unit(
+    hold_s: float, time_constant_s: float, bench_run: BenchRun
+) -> None:
+    runs = [
+        bench_run(f"{seed}.csv", command := short_holds(hold_s, seed), follow(command, time_constant_s))
+        for seed in range(20)
+    ]
+    assert all(dataset_findings([run]) == [] for run in runs)
 
 
 def test_milliseconds_are_seen(bench_run: BenchRun) -> None:

@@ -53,8 +53,8 @@ def verdict_sentence(report: GapReport) -> str:
         )
     if report.verdict == "no_gap" and not report.trusted:
         return (
-            f"No effect of the catalogue is seen: {differ}, and how much of that is noise is not known "
-            f"(p = {report.p_value:.2g})."
+            f"No effect of the catalogue is seen: {differ}, and how much of that the model errs by itself "
+            f"is not known (p = {report.p_value:.2g})."
         )
     if report.verdict == "no_gap":
         return (

@@ -53,6 +53,8 @@ _FOLLOWS: Final = 0.8
 """Share of the turned angle's variance that a position command explains at least ..."""
 _UNLIKE: Final = 0.25
 """... while it explains at most this share of the speed's."""
+_LARGEST: Final = 1e9
+"""Size that no quantity of a robot reaches in its unit; beside a larger one a fit loses all others."""
 _CHANGES: Final = 5
 """Least number of changes of the command that tell the two apart."""
 
@@ -142,14 +144,27 @@ def require_our_units(dataset: Dataset) -> None:
     """Refuse a dataset whose numbers show another unit, for programs that would make nonsense of it.
 
     Raises:
-        InputError: wheel speeds or commands differ by the factor of another unit or by their sign, or stamps
-        are not in seconds.
+        InputError: wheel speeds or commands differ by the factor of another unit or by their sign, stamps
+            are not in seconds, or a number is so large that it is none of a robot.
     """
+    for run in dataset.runs:
+        _require_sizes(run)
     for finding in dataset.findings:
         if _is_certain(finding):
             where = f"{dataset.name}: " if not finding.file else f"{finding.file}: "
             raise InputError(
                 f"{where}{finding.message}; give it as the column's scale under [columns] in dataset.toml"
+            )
+
+
+def _require_sizes(run: Run) -> None:
+    """Refuse a run with a marker of a missing sample, or another number that would spoil any fit."""
+    for name, values in (*run.command.columns().items(), *run.channels.items()):
+        wild = np.flatnonzero(np.abs(values) > _LARGEST)
+        if wild.size:
+            raise InputError(
+                f"{run.file}: {name} = {values[wild[0]]:g} at {run.time_s[wild[0]]:g} s after the first row, "
+                f"must be at most {_LARGEST:g} in size; leave the cell empty where a sample is missing"
             )
 
 

@@ -174,3 +174,14 @@ def test_stamps_in_finer_units_are_refused_with_the_scale(folder: Folder, interv
     rows = [f"{i * interval},{LEVELS[i]:g},{speed[i]}" for i in range(LEVELS.size)]
     with pytest.raises(InputError, match=rf"a\.csv.*seconds\? \(scale = {scale}\)"):
         require_our_units(read_dataset(folder({"a.csv": "\n".join(["time_s,command_rpm,speed_rpm", *rows])})))
+
+
+@pytest.mark.parametrize("column", ["command_rpm", "speed_rpm"])
+def test_a_number_that_is_none_of_a_robot_is_refused(bench_run: BenchRun, column: str) -> None:
+    values = {"command_rpm": LEVELS, "speed_rpm": lagged(LEVELS)}
+    values[column] = np.where(np.arange(LEVELS.size) == 50, -1e30, values[column])
+    logs = Dataset("made", (bench_run("a.csv", values["command_rpm"], values["speed_rpm"]),), ())
+    with pytest.raises(
+        InputError, match=rf"a.csv: {column} = -1e\+30 at 0.5 s after the first row, must be at"
+    ):
+        require_our_units(logs)

@@ -246,7 +246,8 @@ def require_excitation(runs: Sequence[WheelRun]) -> None:
     samples = sum(len(run.speed_rpm) for run in runs)
     if samples < 7:
         raise InputError(
-            f"{samples} samples in {len(runs)} run(s), at least 7 are needed for six coefficients"
+            f"{', '.join(run.name for run in runs)}: {samples} samples in all, must be at least 7 for six "
+            "coefficients; record longer runs"
         )
     moved = max(float(np.max(np.abs(run.command() - run.initial_rpm))) for run in runs)
     if moved == 0.0:

@@ -45,7 +45,7 @@ def test_a_dead_sensor(method):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_fewer_samples_than_coefficients(method):
-    with pytest.raises(InputError, match="6 samples in 1 run"):
+    with pytest.raises(InputError, match="6 samples in all, must be at least 7"):
         estimate([plain_run(np.full(240, 80.0), np.arange(6.0))], method)
 
 

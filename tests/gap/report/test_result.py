@@ -211,7 +211,7 @@ def test_an_error_that_rises_is_not_said_to_fall(named: GapReport):
 
 def test_what_may_be_noise_or_not_is_not_called_noise(no_gap: GapReport):
     sentence = verdict_sentence(replace(no_gap, trusted=False))
-    assert "is noise is not known" in sentence
+    assert "how much of that the model errs by itself is not known" in sentence
     assert "No gap" not in sentence
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 
 import numpy as np
 
+from mecanum_env.errors import MecanumError
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 from sysid.compare.measured import Observations, most_active, observe
@@ -13,7 +15,7 @@ from sysid.compare.model_error.nuisance import plausible_models, shape_columns
 from sysid.compare.model_error.size import FACTORS, Residual, estimate_model_error, with_model_error
 from sysid.compare.model_error.whitening import Whitener
 from sysid.compare.noise import Noise, measure_noise
-from sysid.compare.predicted import SimulationSettings, Simulator
+from sysid.compare.predicted import SimulationSettings, Simulator, without_engine_warnings
 from sysid.logs import Dataset
 
 
@@ -21,7 +23,8 @@ def with_own_error(model: Model, dataset: Dataset, settings: SimulationSettings 
     """Return a model whose file states its own error on the logs it was fitted to.
 
     The error of all channels is multiplied by the smallest factor of 1 to 4 with which the cost, counted as
-    in a study of the gap, is no larger than the number of samples.
+    in a study of the gap, is no larger than the number of samples. Models that are as plausible, and that
+    cannot be simulated, are left out.
     """
     observations = observe(most_active(dataset))
     noise = measure_noise(dataset, observations)
@@ -29,7 +32,7 @@ def with_own_error(model: Model, dataset: Dataset, settings: SimulationSettings 
     predicted = simulator.predictions(model)
     residual = [block.value - p for block, p in zip(observations.blocks, predicted, strict=True)]
     found = estimate_model_error(block_residuals(observations, noise, residual), dataset.sha256)
-    plausible = [simulator.predictions(other) for other in plausible_models(model)]
+    plausible = list(_predictions(simulator, plausible_models(model)))
     changes = [[p - q for p, q in zip(parts, predicted, strict=True)] for parts in plausible]
     for factor in FACTORS:
         error = found.scaled(factor)
@@ -38,6 +41,14 @@ def with_own_error(model: Model, dataset: Dataset, settings: SimulationSettings 
         if _marginal_cost(whitener, residual, columns) <= whitener.size:
             break
     return with_model_error(model, error)
+
+
+def _predictions(simulator: Simulator, models: Sequence[Model]) -> Iterator[list[FloatArray]]:
+    """Yield what each of some models predicts that can be simulated."""
+    with without_engine_warnings():
+        for model in models:
+            with suppress(MecanumError):
+                yield simulator.predictions(model)
 
 
 def block_residuals(observations: Observations, noise: Noise, parts: Sequence[FloatArray]) -> list[Residual]:

@@ -9,7 +9,13 @@ import pytest
 
 from mecanum_env.model import Model, read_model, write_model
 from sysid.compare.measured import activity_rpm
-from sysid.compare.model_error import ModelError, estimate_model_error, model_error_of, with_own_error
+from sysid.compare.model_error import (
+    ModelError,
+    estimate_model_error,
+    model_error_of,
+    own_error,
+    with_own_error,
+)
 from sysid.compare.model_error.size import DECAY_S, ChannelError, Residual, with_model_error
 from sysid.logs import BenchCommand, Run
 from tests.gap.conftest import MakeLogs
@@ -64,3 +70,15 @@ def test_a_right_model_states_a_negligible_error(bench_logs: MakeLogs, base: Mod
     assert error.data_sha256 == dataset.sha256
     assert error.channels["speed_rpm"].settled < 0.15
     assert error.channels["speed_rpm"].transient < 0.01
+
+
+def test_a_plausible_model_that_cannot_be_simulated_does_not_end_a_fit(
+    bench_logs: MakeLogs, base: Model, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A robot's law within its standard errors may throw it about on rollers."""
+    dataset = bench_logs(base)
+    monkeypatch.setattr(own_error, "plausible_models", lambda _: [])
+    alone = model_error_of(with_own_error(base, dataset))
+    late = base.with_effect("command_latency", delay_s=1e6)
+    monkeypatch.setattr(own_error, "plausible_models", lambda _: [late])
+    assert model_error_of(with_own_error(base, dataset)) == alone

@@ -90,7 +90,7 @@ def fit(
         model = with_logs(fitted_model(found), logs, out)
         write_model(model, staged / "model.json")
         write_json(staged / "fit.json", fit_json(found, model))
-        write_fit_plots(found, staged)
+        write_fit_plots(found, staged, model)
         write_fit_report(found, model, staged / "report.html")
     print(fit_table(found, model))
     print(f"\nwrote {out / 'model.json'}, {out / 'fit.json'}, {out / 'fit.png'}", end="")

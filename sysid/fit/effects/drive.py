@@ -71,8 +71,8 @@ class DriveEffects:
     covariance: FloatArray
     """Of the law's coefficients, shape (6, 6)."""
     before_rpm: float
-    """Rms error of the wheel speed by the law alone on the validation runs (the fit runs if there are none)
-    [rpm]."""
+    """Rms error of the wheel speed by the law alone on the validation runs (the fit runs if there are none),
+    repeats averaged [rpm]."""
     after_rpm: float
     """The same with the effects."""
 
@@ -86,8 +86,9 @@ class DriveEffects:
         windup = self.model.wheel.windup
         integral = f"; its integral winds up at the motor's bounds (windup {windup:g})" if windup else ""
         return (
-            f"the drive is not the law alone: {found}; fitted together with the law, they change the "
-            f"held-out error from {self.before_rpm:.3g} to {self.after_rpm:.3g} rpm{integral}"
+            f"the drive is not the law alone: {found}; fitted together with the law, they change "
+            f"the held-out error, repeats averaged, from {self.before_rpm:.3g} to {self.after_rpm:.3g} rpm"
+            + integral
         )
 
     def _sizes(self, name: str) -> dict[str, float]:

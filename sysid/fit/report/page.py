@@ -14,14 +14,15 @@ from mecanum_env.law import WheelLaw
 from mecanum_env.law.metrics import StepMetrics, law_step_metrics, step_response
 from mecanum_env.model import Model
 from mecanum_env.report import figure, write_page
+from mecanum_env.units import FloatArray
 from sysid.fit.pipeline import Fit
 from sysid.fit.report.plots import HELD_OUT_FIRST, BenchReplay, RunView, replay_worst, run_views
-from sysid.fit.report.stated import errors_of, has_more_than_its_law
+from sysid.fit.report.stated import errors_of, has_more_than_its_law, speeds_with_effects
 from sysid.fit.statistics import ErrorMetrics
 from sysid.logs.runs import Split
 
 _TEMPLATE: Final = Path(__file__).with_name("page.html")
-_GREY, _RED, _BLUE = "#8a8a8a", "#c8102e", "#1f4e79"
+_GREY, _RED, _BLUE, _GREEN = "#8a8a8a", "#c8102e", "#1f4e79", "#2a8c3c"
 _MOST_FINDINGS: Final = 40
 
 
@@ -123,7 +124,8 @@ def _columns(rows: Sequence[Sequence[str]]) -> list[str]:
 def write_fit_report(fit: Fit, model: Model, path: Path) -> None:
     """Write the page of a fit, whose model is replayed."""
     views = run_views(fit, most=6)
-    overlays = {f"run{i}": _overlay(view) for i, view in enumerate(views)}
+    together = speeds_with_effects(fit, model)
+    overlays = {f"run{i}": _overlay(view, together.get(view.name)) for i, view in enumerate(views)}
     tests = fit.residual_tests
     write_page(
         path,
@@ -140,6 +142,7 @@ def write_fit_report(fit: Fit, model: Model, path: Path) -> None:
         warnings=list(fit.uncertainty.warnings),
         notes=list(fit.notes),
         overlays=list(overlays),
+        has_effects=bool(together),
         methods=_method_table(fit, model),
         quantities=_quantity_table(fit),
         robot=robot_table(fit),
@@ -197,14 +200,15 @@ def _line(x: Any, y: Any, name: str, colour: str, **more: Any) -> dict[str, Any]
     return {**style, "x": np.asarray(x).tolist(), "y": np.asarray(y).tolist(), "name": name, **more}
 
 
-def _overlay(view: RunView) -> dict[str, Any]:
+def _overlay(view: RunView, together: tuple[FloatArray, FloatArray] | None) -> dict[str, Any]:
     dots = {"mode": "markers", "marker": {"size": 3, "color": _GREY}}
     steps = {"line": {"color": _BLUE, "width": 1, "shape": "hv"}}
     return figure(
         [
             _line(view.time_s, view.measured_rpm, "measured", _GREY, **dots),
             _line(view.tick_s, view.command_rpm, "command", _BLUE, **steps),
-            _line(view.tick_s, view.simulated_rpm, "simulated", _RED),
+            _line(view.tick_s, view.simulated_rpm, "simulated" if together is None else "law alone", _RED),
+            *([] if together is None else [_line(*together, "with effects", _GREEN)]),
         ],
         title=f"{view.name} ({view.split}), rms {view.rms_rpm:.2f} rpm",
         x="time [s]",

@@ -17,13 +17,17 @@ from mecanum_env.simulator.bench import replay_bench
 from mecanum_env.statistics import rms
 from mecanum_env.units import FloatArray
 from sysid.fit.pipeline import Fit
+from sysid.fit.report.stated import speeds_with_effects
 from sysid.fit.statistics import residual, simulate
 from sysid.logs import Split
 
 HELD_OUT_FIRST: Final[tuple[Split, ...]] = ("test", "validation", "fit")
 _TITLE_LETTERS: Final = 44
 """Letters of the title's size that one of the six plots is wide."""
-_COLOURS: Final = {"measured": "0.55", "simulated": "#c8102e", "command": "#1f4e79"}
+_COLOURS: Final = {
+    **{"measured": "0.55", "simulated": "#c8102e", "command": "#1f4e79"},
+    "with effects": "#2a8c3c",
+}
 
 
 @dataclass(frozen=True)
@@ -136,13 +140,17 @@ def _lines(title: str) -> str:
     return "\n".join(textwrap.wrap(title, _TITLE_LETTERS))
 
 
-def write_fit_plots(fit: Fit, folder: Path) -> Path:
-    """Write `fit.png` into a folder and return its path."""
+def write_fit_plots(fit: Fit, folder: Path, model: Model | None = None) -> Path:
+    """Write `fit.png` into a folder and return its path.
+
+    With the `model` of the fit its speeds are drawn, too, where law and effects were fitted together.
+    """
+    together = {} if model is None else speeds_with_effects(fit, model)
     views = run_views(fit, most=4)
     figure = Figure(figsize=(13.5, 7.2), layout="constrained")
     axes = figure.subplots(2, 3)
     for ax, view in zip(axes.flat[:4], views, strict=False):
-        _overlay(ax, view)
+        _overlay(ax, view, together.get(view.name))
     for ax in axes.flat[len(views) : 4]:
         ax.set_axis_off()
     _residuals(axes.flat[4], fit, views)
@@ -155,10 +163,13 @@ def write_fit_plots(fit: Fit, folder: Path) -> Path:
     return path
 
 
-def _overlay(ax: Axes, view: RunView) -> None:
+def _overlay(ax: Axes, view: RunView, together: tuple[FloatArray, FloatArray] | None) -> None:
     ax.plot(view.time_s, view.measured_rpm, ".", ms=3, color=_COLOURS["measured"], label="measured")
     ax.step(view.tick_s, view.command_rpm, where="post", lw=1, color=_COLOURS["command"], label="command")
-    ax.plot(view.tick_s, view.simulated_rpm, lw=1.5, color=_COLOURS["simulated"], label="simulated")
+    law = "simulated" if together is None else "law alone"
+    ax.plot(view.tick_s, view.simulated_rpm, lw=1.5, color=_COLOURS["simulated"], label=law)
+    if together is not None:
+        ax.plot(*together, lw=1.2, color=_COLOURS["with effects"], label="with effects")
     ax.set(xlabel="time [s]", ylabel="rpm")
     ax.set_title(_lines(f"{view.name} ({view.split}), rms {view.rms_rpm:.2f} rpm"), fontsize=9)
     ax.legend(fontsize=8)

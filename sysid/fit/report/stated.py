@@ -15,6 +15,7 @@ from mecanum_env.law.coefficients import COEFFICIENTS
 from mecanum_env.law.metrics import law_step_metrics
 from mecanum_env.model import Model, cause_of, model_to_dict
 from mecanum_env.statistics import rms
+from mecanum_env.units import FloatArray
 from sysid.compare.predicted import predict_all
 from sysid.fit.pipeline import Fit
 from sysid.fit.statistics import ErrorMetrics
@@ -45,6 +46,18 @@ def errors_of(fit: Fit, model: Model) -> dict[Split, ErrorMetrics]:
             error = np.concatenate(parts)
             found[split] = ErrorMetrics(rms(error), float(np.max(np.abs(error))), error.size, len(runs))
     return found
+
+
+def speeds_with_effects(fit: Fit, model: Model) -> dict[str, tuple[FloatArray, FloatArray]]:
+    """Return the times [s] and simulated speeds [rpm] of each run's file, where a model has effects.
+
+    It is empty where the law of the fit is all of the model, and for robot logs.
+    """
+    if not has_more_than_its_law(fit):
+        return {}
+    runs = fit.dataset.runs
+    found = zip(runs, predict_all(model, runs), strict=True)
+    return {run.file: (run.time_s, predicted[_SPEED]) for run, predicted in found}
 
 
 def stated_json(fit: Fit, model: Model) -> dict[str, Any]:

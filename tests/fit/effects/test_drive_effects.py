@@ -14,7 +14,7 @@ from sysid.compare.measured import observe
 from sysid.fit import FitOptions, fit_dataset, fitted_model
 from sysid.fit.effects import HeldOut, drive, find_drive_effects, has_unasked_ceiling
 from sysid.fit.effects.ceiling import HeldSpeeds
-from sysid.fit.report import fit_json, fit_table
+from sysid.fit.report import fit_json, fit_table, write_fit_report
 from sysid.logs import BenchCommand, Dataset, Run
 from sysid.studies.zoo.cases.write import write_bench_case
 from sysid.studies.zoo.nominal import nominal_model
@@ -87,6 +87,14 @@ def test_the_files_tell_what_the_model_with_effects_does_beside_the_law_alone(ru
     assert told["rms_rpm"]["validation"] < 0.5 * content["methods"]["output-error"]["rms_rpm"]["validation"]
     row = next(line.split() for line in fit_table(fit, model).splitlines() if line.startswith("with effects"))
     assert row[2:5] == [f"{told['rms_rpm'][split]:.3f}" for split in ("fit", "validation", "test")]
+
+
+def test_the_page_shows_the_model_with_effects_beside_the_law_alone(rubbing, tmp_path):
+    _, fit = rubbing
+    write_fit_report(fit, fitted_model(fit), tmp_path / "report.html")
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "green the model with the effects that were fitted together" in page
+    assert page.count('"with effects"') == page.count('"law alone"') == 6
 
 
 def test_the_model_with_effects_predicts_runs_that_nothing_was_fitted_to(rubbing):

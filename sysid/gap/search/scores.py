@@ -185,6 +185,8 @@ def _rises_somewhere(problem: ResidualProblem, base: Fitted[Any], fitted: Fitted
     A right set that changes the residual by d there lowers its square by |d|^2 on average, with the standard
     deviation 2 |d| times that of the residual. So it raises the square by chance with a probability that |d|
     gives; a rise counts where that is below the one of a false alarm, shared by all places that are asked.
+    In other commands than those of the fit it must be more than the formula of a set may leave of all that
+    the set explains, too.
     """
     masks = group_masks(problem)
     blocks = zip(problem.observations.blocks, problem.whitener.slices, strict=True)
@@ -193,10 +195,13 @@ def _rises_somewhere(problem: ResidualProblem, base: Fitted[Any], fitted: Fitted
         validation[rows] = problem.observations.situations[block.situation].split == "validation"
     masks.append(validation)
     sigma = math.sqrt(max(1.0, fitted.cost / problem.size))
+    formula = 0.0 if problem.same_commands else THRESHOLDS.robot_formula
+    may_be_left = formula**2 * max(0.0, base.cost - fitted.cost)
     for mask in masks:
         before, after = base.residual[mask], fitted.residual[mask]
         by_chance = norm.cdf(-float(np.linalg.norm(after - before)) / (2.0 * sigma))
-        if after @ after > before @ before and by_chance < THRESHOLDS.false_alarm / len(masks):
+        rise = float(after @ after - before @ before)
+        if rise > may_be_left and by_chance < THRESHOLDS.false_alarm / len(masks):
             return True
     return False
 

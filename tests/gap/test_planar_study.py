@@ -77,6 +77,9 @@ def test_limits_of_the_body_are_told_from_those_of_the_wheels() -> None:
     assert found["v_rpm"].value == pytest.approx(60.0, abs=1.5)
     assert found["vc_rpm"].value == pytest.approx(25.0, abs=1.5)
     assert report.gap.before > 4.0 * report.gap.after
+    # Without repeats there is no floor, and sigma is that of the noise all the same.
+    assert report.gap.noise_floor is None
+    assert report.gap.after == pytest.approx(1.0, abs=0.3)
     assert any("simulated without slip" in note for note in report.notes)
 
 

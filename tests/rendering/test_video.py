@@ -94,6 +94,9 @@ def test_the_caption_touches_its_box_alone(forward):
     assert rows.size > 0
     assert rows.max() < 70
     assert columns.max() < 300
+    # The letters are white, which nothing in the box is that is only darkened.
+    box = written[: rows.max() + 1, : columns.max() + 1][rows.min() :, columns.min() :]
+    assert np.count_nonzero(np.all(box > 200, axis=2)) > 100
 
 
 def test_the_caption_says_time_command_and_motion(forward):

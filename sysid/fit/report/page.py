@@ -178,10 +178,10 @@ def _verdict(fit: Fit, model: Model) -> str:
         f"A stable {order}-order law predicts the {split} runs to {error.rms_rpm:.2f} rpm rms, {against}; "
         f"it rises in {found.metrics.rise_time_s:.3f} s and settles in {found.metrics.settling_time_s:.3f} s."
     )
-    if not has_more_than_its_law(fit):
+    together = errors_of(fit, model).get(split) if has_more_than_its_law(fit) else None
+    if together is None:
         return of_law
-    together = errors_of(fit, model)[split].rms_rpm
-    return f"{of_law} With the effects that were fitted together, it is {together:.2f} rpm."
+    return f"{of_law} With the effects that were fitted together, it is {together.rms_rpm:.2f} rpm."
 
 
 def _mujoco(replay: BenchReplay | None) -> str:

@@ -6,11 +6,13 @@ describe. Law and effects that are fitted together have another law, and the mod
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any, Final
 
 import numpy as np
 
 from mecanum_env.effects.friction import droop_rpm, torques_of
+from mecanum_env.errors import MecanumError
 from mecanum_env.law.coefficients import COEFFICIENTS
 from mecanum_env.law.metrics import law_step_metrics
 from mecanum_env.model import Model, cause_of, model_to_dict
@@ -29,35 +31,36 @@ def has_more_than_its_law(fit: Fit) -> bool:
     return fit.drive_effects is not None and fit.dataset.level == "bench"
 
 
-def errors_of(fit: Fit, model: Model) -> dict[Split, ErrorMetrics]:
-    """Return measured minus simulated speed of a model on each split of the bench logs of a fit.
+def speeds_of(fit: Fit, model: Model) -> dict[str, tuple[FloatArray, FloatArray]]:
+    """Return the times [s] and simulated speeds [rpm] of a model in each run of the bench logs of a fit.
 
-    Commands are taken as logged, also where the fit found the time of each.
+    Commands are taken as logged, also where the fit found the time of each. Splits in which the model cannot
+    be simulated are left out: held-out commands may drive a model astray that those of the fit do not.
     """
     found = {}
     for split in SPLITS:
         runs = fit.dataset.split(split)
-        if runs:
-            predicted = predict_all(model, runs)
-            parts = [
-                (run.channel(_SPEED) - one[_SPEED])[run.finite(_SPEED)]
-                for run, one in zip(runs, predicted, strict=True)
-            ]
-            error = np.concatenate(parts)
-            found[split] = ErrorMetrics(rms(error), float(np.max(np.abs(error))), error.size, len(runs))
+        with suppress(MecanumError):
+            for run, predicted in zip(runs, predict_all(model, runs) if runs else (), strict=True):
+                found[run.file] = run.time_s, predicted[_SPEED]
     return found
 
 
 def speeds_with_effects(fit: Fit, model: Model) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """Return the times [s] and simulated speeds [rpm] of each run's file, where a model has effects.
+    """Return what `speeds_of` does where law and effects were fitted together, else nothing."""
+    return speeds_of(fit, model) if has_more_than_its_law(fit) else {}
 
-    It is empty where the law of the fit is all of the model, and for robot logs.
-    """
-    if not has_more_than_its_law(fit):
-        return {}
-    runs = fit.dataset.runs
-    found = zip(runs, predict_all(model, runs), strict=True)
-    return {run.file: (run.time_s, predicted[_SPEED]) for run, predicted in found}
+
+def errors_of(fit: Fit, model: Model) -> dict[Split, ErrorMetrics]:
+    """Return measured minus simulated speed, as `speeds_of` has it, on each split of bench logs."""
+    speeds, found = speeds_of(fit, model), dict[Split, ErrorMetrics]()
+    for split in SPLITS:
+        runs = [run for run in fit.dataset.split(split) if run.file in speeds]
+        if runs:
+            parts = [(run.channel(_SPEED) - speeds[run.file][1])[run.finite(_SPEED)] for run in runs]
+            error = np.concatenate(parts)
+            found[split] = ErrorMetrics(rms(error), float(np.max(np.abs(error))), error.size, len(runs))
+    return found
 
 
 def stated_json(fit: Fit, model: Model) -> dict[str, Any]:

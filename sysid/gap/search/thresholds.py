@@ -47,7 +47,8 @@ class Thresholds:
     """`formula_error` on a robot beside the logs of its fit, whose model errs by more than that of a drive.
     Calibrated on drawn robots that drive the commands of the fit again (development seeds from 64 on):
     python benchmarks/robot_formulas.py prints what the right effect leaves beyond the best one (rms, of what
-    that one explains)."""
+    that one explains). Assumed to hold in other commands, too: there a set may raise what is left in one
+    command sequence by this share of what it explains in all."""
     crude_robot_formula: float = 0.6
     """`crude_formula` on such a robot, from what the right effect leaves there beyond the best set of any
     size."""

@@ -8,13 +8,14 @@ import pytest
 
 from mecanum_env.effects.friction import droop_rpm
 from mecanum_env.model import cause_of, model_to_dict
-from mecanum_env.simulator import replay_bench
+from mecanum_env.simulator import SimulationDivergedError, replay_bench
 from mecanum_env.units import RAD_S_PER_RPM
 from sysid.compare.measured import observe
+from sysid.compare.predicted import predict_all
 from sysid.fit import FitOptions, fit_dataset, fitted_model
 from sysid.fit.effects import HeldOut, drive, find_drive_effects, has_unasked_ceiling
 from sysid.fit.effects.ceiling import HeldSpeeds
-from sysid.fit.report import fit_json, fit_table, write_fit_report
+from sysid.fit.report import fit_json, fit_table, stated, write_fit_report
 from sysid.logs import BenchCommand, Dataset, Run
 from sysid.studies.zoo.cases.write import write_bench_case
 from sysid.studies.zoo.nominal import nominal_model
@@ -87,6 +88,21 @@ def test_the_files_tell_what_the_model_with_effects_does_beside_the_law_alone(ru
     assert told["rms_rpm"]["validation"] < 0.5 * content["methods"]["output-error"]["rms_rpm"]["validation"]
     row = next(line.split() for line in fit_table(fit, model).splitlines() if line.startswith("with effects"))
     assert row[2:5] == [f"{told['rms_rpm'][split]:.3f}" for split in ("fit", "validation", "test")]
+
+
+def test_test_runs_that_the_model_cannot_follow_do_not_end_the_report(rubbing, monkeypatch, tmp_path):
+    _, fit = rubbing
+    model, test = fitted_model(fit), {run.file for run in fit.dataset.split("test")}
+
+    def astray(model, runs):
+        if test & {run.file for run in runs}:
+            raise SimulationDivergedError("the simulation diverged")
+        return predict_all(model, runs)
+
+    monkeypatch.setattr(stated, "predict_all", astray)
+    assert set(fit_json(fit, model)["model"]["rms_rpm"]) == {"fit", "validation"}
+    assert "with effects" in fit_table(fit, model)
+    write_fit_report(fit, model, tmp_path / "report.html")
 
 
 def test_the_page_shows_the_model_with_effects_beside_the_law_alone(rubbing, tmp_path):
